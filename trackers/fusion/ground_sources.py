@@ -110,12 +110,8 @@ class Scanners:
             # with scanners at waist height, one leg alone is half of what shows a person: they miss the trunk, or are hidden
             evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
             if self._group.is_learning:
-                # what stands out of a background that is still learned may be a thing
-                leg = self._group.leg_evidence(scans, position)
-                starts &= leg > _START_NATS
-                # before the open a dark surface is met now and then: there what is new counts by its likeness alone
-                likeness = np.clip(leg / most_nats(self._kind.p_detect), -1.0, 1.0)
-                likeness = np.where(self._group.seen_behind(position), 1.0, likeness)
+                may_be_leg, likeness = self._like_legs(scans, position)
+                starts &= may_be_leg
         sure = n_sample >= _SURE_SAMPLES
         if self._group.is_learning:
             sure &= self._group.seen_behind(position)
@@ -134,6 +130,17 @@ class Scanners:
             evidence=evidence,
             likeness=likeness,
         )
+
+    def _like_legs(
+        self, scans: Mapping[str, Observation], position: Float[Array, "k 2"]
+    ) -> tuple[Bool[Mask, "k"], Float[Array, "k"]]:
+        """Mark measurements that may start tracks though the background is still learned; return the likeness of each.
+
+        Before the open a dark surface is met now and then: there what is new counts by its likeness to legs alone.
+        """
+        nats = self._group.leg_evidence(scans, position)
+        likeness = np.clip(nats / most_nats(self._kind.p_detect), -1.0, 1.0)
+        return nats > _START_NATS, np.where(self._group.seen_behind(position), 1.0, likeness)
 
 
 def scanners_of(
