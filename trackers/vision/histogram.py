@@ -8,7 +8,7 @@ its chroma, and for the rest in one of a few bins of brightness; bins may be smo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import cv2
 import numpy as np
@@ -34,9 +34,8 @@ class HistogramOptions(Strict):
     smoothing_deg: float = Field(
         default=5.0, ge=0, description="standard deviation of the smoothing over hue [°]; 0: none"
     )
-    memory: float = Field(
-        default=0.4, ge=0, lt=1, description="share of the old reference kept at an update (α, eq. 7)"
-    )
+    memory: ClassVar[float] = 0.4
+    """Share of the old reference kept at an update (α, eq. 7), the default of systems that have it as an option."""
 
     @model_validator(mode="after")
     def _chroma_limits_in_order(self) -> HistogramOptions:
