@@ -22,7 +22,7 @@ from benchmarks.figure import Figure
 from twin.models import cache_folder
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
-from twin.suites.gate import read_results
+from twin.suites.result_files import read_results
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 

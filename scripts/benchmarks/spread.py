@@ -20,8 +20,8 @@ from trackers.arrays import Array
 from twin.models import cache_folder
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.gate import read_results
 from twin.suites.metrics import GATED, allowed_by_default
+from twin.suites.result_files import read_results
 from twin.suites.results import GroupKey, Results
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, SuiteScenario

@@ -23,10 +23,9 @@ from twin.suites.cluster import ENVIRONMENT, Workers, open_cluster
 from twin.suites.comparison import Comparison, compare, describe_change, tolerances_of
 from twin.suites.dask_runner import ProgressListener, run_on
 from twin.suites.expansion import expand
-from twin.suites.gate import read_results
+from twin.suites.result_files import read_results, read_store
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, SuiteScenario, load_suite
-from twin.suites.store_files import read_store
 from twin.suites.tasks import Task, TaskListener
 from twin.suites.worker import CaseResult, CaseWork, run_case
 

@@ -196,7 +196,7 @@ def _machine() -> str:
 
 def _facts(paths: Sequence[Path]) -> Iterator[Mapping[str, Any]]:
     """Read what the runs of a suite or a reproduction say of themselves."""
-    from twin.suites.store_files import RESULTS_FILE, read_store
+    from twin.suites.result_files import RESULTS_FILE, read_store
 
     for folder in [each for path in paths for each in (path, path.parent / "suite")]:
         if (folder / RESULTS_FILE).is_file():
@@ -270,7 +270,7 @@ def _git(*arguments: str) -> str:
 
 def _groups(paths: Sequence[Path]) -> dict[GroupKey, tuple[str, dict[int, Mapping[str, float | None]]]]:
     """Read the metrics of each seed, by group, over all parts of a run."""
-    from twin.suites.gate import read_results
+    from twin.suites.result_files import read_results
 
     found: dict[GroupKey, tuple[str, dict[int, Mapping[str, float | None]]]] = {}
     for path in paths:

@@ -292,8 +292,8 @@ def _recordings(
         raise InputError(f"--truth {truth}: is of one recording; a run or a bag is expected, and {source} is neither")
     from twin.suites.cache import RecordingCache, cache_limit_bytes
     from twin.suites.expansion import expand
+    from twin.suites.result_files import read_store
     from twin.suites.spec import load_suite
-    from twin.suites.store_files import read_store
     from twin.suites.worker import RECORDING, case_recording
 
     suite_name, changes, held = source, (), None

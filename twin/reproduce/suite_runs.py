@@ -39,10 +39,10 @@ from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, open_workers
 from twin.suites.expansion import Case, expand, with_variant
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.result_files import read_store
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import DONE
-from twin.suites.store_files import read_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import RECORDING, TRUTH, Incident, case_recording
 

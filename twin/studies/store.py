@@ -21,7 +21,7 @@ from twin.suites.cache_keys import Provenance, digest_of, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.metrics import check_ranges
-from twin.suites.store_files import kind_of_warning, rerun_warning
+from twin.suites.result_files import kind_of_warning, rerun_warning
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 
 FILE = "evaluations.jsonl"

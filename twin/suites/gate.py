@@ -1,36 +1,42 @@
 """Suite as a gate: run, compare with the baseline, write results for people and programs.
 
-A baseline is one JSON file of results to be committed, one line per seed.
+junitparser is not used for `junit.xml`: it would still need every attribute set and control characters removed.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
-from pydantic import Field
-
-from trackers.configuration import Strict, validate
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import parse_json
-from trackers.text_file import read_text
 from twin.console import print_paths
 from twin.models import cache_folder
-from twin.recording.atomic_file import check_writable, write_atomic
+from twin.recording.atomic_file import atomic_path, check_writable, write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
-from twin.suites.comparison import Comparison, SuiteOutcome, compare, tolerances_of
+from twin.suites.comparison import Change, Comparison, SuiteOutcome, compare, describe_change, tolerances_of
 from twin.suites.dask_runner import suite_progress
-from twin.suites.expansion import Case
-from twin.suites.exports import write_junit, write_summary
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
+from twin.suites.metrics import GATED, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
+from twin.suites.result_files import (
+    NOTHING_COMPARED,
+    baseline_of,
+    check_comparable,
+    held_baseline,
+    read_results,
+    read_store,
+    run_folder,
+    write_baseline,
+)
 from twin.suites.result_tables import (
     markdown_comparison,
     markdown_table,
@@ -39,114 +45,10 @@ from twin.suites.result_tables import (
     print_requirements,
     print_results,
 )
-from twin.suites.results import Group, GroupKey, Results, collect_results, pooled
+from twin.suites.results import GroupKey, RequirementCheck, collect_results, mean_over_seeds, pooled
 from twin.suites.run import run_suite
-from twin.suites.spec import Suite, load_suite
-from twin.suites.store import OverridesText, ResultStore
-from twin.suites.store_files import RESULTS_FILE, read_store
-
-_NOTHING_COMPARED = "nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
-_EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
-
-
-class _StoredGroup(Strict):
-    """Group as stored in the file; older files lack the digests."""
-
-    scenario: str
-    variant: str
-    overrides: OverridesText
-    seeds: dict[int, dict[str, float | None]]
-    recordings: dict[int, str] = Field(default_factory=dict)
-    recipes: dict[int, str] = Field(default_factory=dict)
-    people: dict[int, str] = Field(default_factory=dict)
-
-    def group(self) -> Group:
-        return Group(self.variant, self.seeds, recordings=self.recordings, recipes=self.recipes, people=self.people)
-
-
-class _StoredTracker(_StoredGroup):
-    tracker: str
-
-
-class _StoredSensor(_StoredGroup):
-    sensor: str
-
-
-class _Baseline(Strict):
-    suite: str
-    versions: dict[str, str | None]
-    renderers: list[str] = Field(default_factory=list)
-    groups: list[_StoredTracker]
-    sensors: list[_StoredSensor] = Field(default_factory=list)
-
-
-def read_baseline(path: Path) -> Results:
-    """Read the results in a baseline. Raises InputError for any other file."""
-    content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
-    if not isinstance(content, dict) or "groups" not in content:
-        raise InputError(f"{path}: is no baseline, as it has no groups; {_EXPECTED} is expected")
-    if "cases" in content:
-        raise InputError(f"{path}: is the summary of a run, and no baseline; {_EXPECTED} is expected")
-    held = validate(_Baseline, content, str(path))
-    return Results(
-        suite=held.suite,
-        versions=held.versions,
-        renderers=tuple(held.renderers),
-        groups={GroupKey(each.scenario, each.overrides, each.tracker): each.group() for each in held.groups},
-        sensors={GroupKey(each.scenario, each.overrides, each.sensor): each.group() for each in held.sensors},
-    )
-
-
-def write_baseline(path: Path, results: Results) -> None:
-    """Write the compared metrics; raises InputError where some are missing or the file cannot be written."""
-    if results.failed or results.unfinished:
-        raise InputError(
-            f"{path}: not written: {len(results.failed)} cases failed and {results.unfinished} are not finished; "
-            "a whole run is expected of a baseline"
-        )
-    head: Mapping[str, Any] = {
-        "suite": results.suite,
-        "versions": dict(results.versions),
-        "renderers": list(results.renderers),
-    }
-    text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
-    groups = _lines(results.groups, "tracker", tuple(GATED))
-    sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
-    write_atomic(path, f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
-
-
-def _lines(groups: Mapping[GroupKey, Group], whose: str, metrics: Sequence[str]) -> str:
-    """Format the groups as JSON, one line per seed; `whose`: "tracker" or "sensor"."""
-    return ",\n".join(_text(key, group, whose, metrics) for key, group in groups.items())
-
-
-def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> str:
-    seeds = ",\n".join(
-        f"      {json.dumps(str(seed))}: {json.dumps({name: figures.get(name) for name in metrics})}"
-        for seed, figures in sorted(group.seeds.items())
-    )
-    about = {
-        "scenario": key.scenario,
-        "variant": group.variant,
-        "overrides": key.overrides,
-        whose: key.tracker,
-        "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
-        "recipes": {str(seed): digest for seed, digest in sorted(group.recipes.items())},
-        "people": {str(seed): digest for seed, digest in sorted(group.people.items())},
-    }
-    return f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}'
-
-
-def read_results(path: Path) -> Results:
-    """Read the results of a suite's folder, its results.sqlite or a baseline. Raises InputError for anything else."""
-    if path.suffix == ".json":
-        return read_baseline(path)
-    with read_store(_folder(path)) as store:
-        return collect_results(store)
-
-
-def _folder(path: Path) -> Path:
-    return path.parent if path.name == RESULTS_FILE else path
+from twin.suites.spec import load_suite
+from twin.suites.store import DONE, FAILED
 
 
 def run_gate(
@@ -172,7 +74,7 @@ def run_gate(
     folder = out if out is not None else Path("out") / f"suite-{suite.name}"
     if baseline is not None and update_baseline:
         check_writable(baseline)
-    before = _baseline_of(suite, baseline, update_baseline)
+    before = baseline_of(suite.name, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as progress, _resume_hint():
         run_suite(
@@ -186,7 +88,7 @@ def run_gate(
             resume=resume,
             progress=progress,
             limits=limits,
-            check=partial(_check_comparable, before, f"--baseline {baseline}"),
+            check=partial(check_comparable, before, f"--baseline {baseline}"),
         )
     with read_store(folder) as store:
         outcome = SuiteOutcome.of(folder, store, before)
@@ -216,25 +118,6 @@ def _print(outcome: SuiteOutcome) -> None:
     print_requirements(outcome.requirements)
 
 
-def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
-    """Read the results to compare with; None without any. Raises InputError for those of another suite."""
-    if baseline is None or (update and not baseline.exists()):
-        return None
-    before = read_baseline(baseline)
-    if before.suite != suite.name:
-        raise InputError(f"--baseline {baseline}: is of the suite {before.suite!r}; one of {suite.name!r} is expected")
-    return None if update else before
-
-
-def _check_comparable(before: Results | None, source: str, cases: Sequence[Case]) -> None:
-    """Raise InputError if no case is one of the results to compare with, whatever its tracker."""
-    if before is None:
-        return
-    held = {(key.scenario, key.overrides, seed) for key, group in before.groups.items() for seed in group.seeds}
-    if not any((case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.seed) in held for case in cases):
-        raise InputError(f"{source}: {_NOTHING_COMPARED}")
-
-
 @contextmanager
 def _resume_hint() -> Iterator[None]:
     try:
@@ -247,10 +130,9 @@ def _resume_hint() -> Iterator[None]:
 def show_markdown(folder: Path) -> None:
     """Print the verdict and the means of a run, finished or not, in Markdown."""
     with read_store(folder) as store:
-        outcome = SuiteOutcome.of(folder, store, _held_baseline(store))
-        print(markdown_verdict(outcome.results, outcome.comparison, outcome.requirements))
-        print()
-        print(markdown_table(outcome.results))
+        outcome = SuiteOutcome.of(folder, store, held_baseline(store))
+        verdict = markdown_verdict(outcome.results, outcome.comparison, outcome.requirements)
+        print(verdict, markdown_table(outcome.results), sep="\n\n")
 
 
 def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
@@ -261,36 +143,26 @@ def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
             runs.append((str(folder), collect_results(store)))
             reference = reference or store.facts().get("reference")
     results = pooled(runs)
-    _check_reference(results, reference)
-    print_results(results, reference)
-
-
-def _check_reference(results: Results, reference: str | None) -> None:
     trackers = sorted({key.tracker for key in results.groups})
     if reference is not None and reference not in trackers:
         raise InputError(f"--reference {reference!r} is none of the trackers; {valid_names(reference, trackers)}")
+    print_results(results, reference)
 
 
 def show_results(folder: Path) -> None:
     """Print the table of a run, finished or not, and write its page, compared with its baseline if it had one."""
     with read_store(folder) as store:
-        outcome = SuiteOutcome.of(folder, store, _held_baseline(store))
+        outcome = SuiteOutcome.of(folder, store, held_baseline(store))
         _print(outcome)
         page = folder / "report.html"
         write_page(page, outcome)
         print_paths({"results": store.path, "report": page})
 
 
-def _held_baseline(store: ResultStore) -> Results | None:
-    """Read the baseline that a run was compared with; None where there is none any more."""
-    baseline = store.facts().get("baseline")
-    return read_baseline(Path(baseline)) if baseline and Path(baseline).is_file() else None
-
-
 def _check_compared(comparison: Comparison, what: str) -> None:
     """Raise InputError where no metric could be compared."""
     if not comparison.changes:
-        raise InputError(f"{what}: {_NOTHING_COMPARED}")
+        raise InputError(f"{what}: {NOTHING_COMPARED}")
 
 
 def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:
@@ -307,7 +179,7 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
         )
     title = f"{now} against {before}"
     with ExitStack() as stack:
-        run = None if now.suffix == ".json" else (stack.enter_context(read_store(_folder(now))), _folder(now))
+        run = None if now.suffix == ".json" else (stack.enter_context(read_store(run_folder(now))), run_folder(now))
         comparison = compare(
             old, new, allowed_by_default if run is None else tolerances_of(run[0].facts()), str(before)
         )
@@ -321,3 +193,156 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
     if out is not None and not markdown:
         print_paths({"page": out})
     return not comparison.worse
+
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_junit(path: Path, outcome: SuiteOutcome) -> None:
+    """Write `junit.xml`; raises InputError where it cannot be written."""
+    suite, cases = outcome.results.suite, outcome.store.cases()
+    root = ElementTree.Element("testsuites", name=suite)
+    runs = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=suite,
+        tests=str(len(cases)),
+        failures="0",
+        errors=str(sum(case.status == FAILED for case in cases)),
+        skipped=str(sum(case.status not in (DONE, FAILED) for case in cases)),
+        time=f"{sum(case.seconds or 0.0 for case in cases):.3f}",
+    )
+    for case in cases:
+        test = ElementTree.SubElement(
+            runs,
+            "testcase",
+            classname=f"{suite}.{case.scenario}",
+            name=_clean(", ".join(part for part in (case.variant, f"seed {case.seed}", case.tracker) if part)),
+            time=f"{case.seconds or 0.0:.3f}",
+        )
+        if case.status == FAILED:
+            error = case.error or ""
+            element = ElementTree.SubElement(test, "error", message=_clean(error.splitlines()[0] if error else ""))
+            element.text = _clean(error)
+        elif case.status != DONE:
+            ElementTree.SubElement(test, "skipped", message="not finished")
+    if outcome.comparison is not None:
+        changes = outcome.comparison.changes
+        judged = ((each.key, each.variant, describe_change(each) if each.worse else None) for each in changes)
+        _add_groups(root, suite, "against the baseline", judged)
+    if outcome.requirements:
+        checks = outcome.requirements
+        judged = ((each.key, each.variant, each.sentence() if each.violated else None) for each in checks)
+        _add_groups(root, suite, "against its requirements", judged)
+    ElementTree.indent(root)
+    with atomic_path(path) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+
+
+def _add_groups(
+    root: ElementTree.Element, suite: str, what: str, judged: Iterable[tuple[GroupKey, str, str | None]]
+) -> None:
+    """Add one test per group, by key and variant; it fails with the sentences on its metrics' faults."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for key, variant, wrong in judged:
+        lines = groups.setdefault((key.scenario, variant, key.tracker), [])
+        lines += [] if wrong is None else [wrong]
+    element = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=f"{suite} {what}",
+        tests=str(len(groups)),
+        failures=str(sum(bool(lines) for lines in groups.values())),
+        errors="0",
+    )
+    for (scenario, variant, tracker), lines in groups.items():
+        name = ", ".join(part for part in (variant, tracker) if part)
+        test = ElementTree.SubElement(element, "testcase", classname=f"{suite}.{scenario}", name=_clean(name), time="0")
+        if lines:
+            ElementTree.SubElement(test, "failure", message=_clean("; ".join(lines))).text = _clean("\n".join(lines))
+
+
+def _clean(text: str) -> str:
+    """Remove the characters that XML cannot hold."""
+    return _NOT_XML.sub("�", text)
+
+
+def write_summary(path: Path, outcome: SuiteOutcome) -> None:
+    """Write the means over seeds with their 95 % intervals, failures, and changes; raises InputError as a file does."""
+    results, facts, cases = outcome.results, outcome.store.facts(), outcome.store.cases()
+    document: dict[str, Any] = {
+        "suite": results.suite,
+        "cases": {
+            "total": len(cases),
+            "done": sum(len(group.seeds) for group in results.groups.values()),
+            "failed": len(results.failed),
+            "unfinished": results.unfinished,
+        },
+        "seconds": facts["seconds"],
+        "versions": dict(results.versions),
+        "renderers": list(results.renderers),
+        "tracker_warnings": dict(results.tracker_warnings),
+        "groups": [
+            {
+                "scenario": key.scenario,
+                "variant": group.variant,
+                "overrides": json.loads(key.overrides),
+                "tracker": key.tracker,
+                "seeds": sorted(group.seeds),
+                "metrics": {
+                    metric: asdict(mean) for metric in GATED if (mean := mean_over_seeds(group.values(metric)))
+                },
+            }
+            for key, group in results.groups.items()
+        ],
+        "failed": [{"case_id": case.id, "attempts": case.attempts, "error": case.error} for case in results.failed],
+    }
+    if outcome.comparison is not None:
+        document["comparison"] = _comparison_row(outcome.comparison)
+    if outcome.requirements:
+        document["requirements"] = [
+            {**_who(each), "metric": each.metric, "bound": each.bound, "mean": each.mean, "met": not each.violated}
+            for each in outcome.requirements
+        ]
+    _add_former_names(document)
+    write_atomic(path, json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _add_former_names(document: dict[str, Any]) -> None:
+    """Repeat renamed entries under their names of release 0.1; goes with release 0.3."""
+    document["doubts"] = document["tracker_warnings"]
+    for group in document["groups"]:
+        group["figures"] = group["metrics"]
+    if "requirements" in document:
+        document["promises"] = [{**each, "kept": each["met"]} for each in document["requirements"]]
+
+
+def _comparison_row(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "worse": [_row(change) for change in comparison.worse],
+        "better": [_row(change) for change in comparison.better],
+        "warnings": list(comparison.warnings),
+        "identical": comparison.identical,
+        "smallest_loss_noticed": {
+            each.metric: {
+                "everywhere": each.everywhere[1],
+                "of_tracker": dict(each.of_tracker),
+                "in_scenario": each.in_scenario[1],
+                "in_scenario_least": each.in_scenario[0],
+                "in_case": each.in_case[1],
+                "in_case_least": each.in_case[0],
+            }
+            for each in comparison.detectable
+        },
+    }
+
+
+def _row(change: Change) -> dict[str, Any]:
+    same = {name: getattr(change, name) for name in ("metric", "before", "now", "allowed", "p", "p_better")}
+    collapse = None if change.collapse is None else asdict(change.collapse)
+    fallen_seed = None if change.collapse is None else change.collapse.seed
+    return {**_who(change), **same, "fallen_seed": fallen_seed, "collapse": collapse, "seeds": change.n_seed}
+
+
+def _who(each: Change | RequirementCheck) -> dict[str, str]:
+    return {"scenario": each.key.scenario, "variant": each.variant, "tracker": each.key.tracker}

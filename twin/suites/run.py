@@ -25,10 +25,10 @@ from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.expansion import Case, check_case_count, expand
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
 from twin.suites.metrics import flatten_metrics
+from twin.suites.result_files import kind_of_warning, open_store
 from twin.suites.results import collect_results, worst_cases
 from twin.suites.spec import Suite
 from twin.suites.store import DONE, FAILED, RecordingInfo, Requirement, ResultStore
-from twin.suites.store_files import kind_of_warning, open_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import (
     NO_RENDERER,

@@ -21,7 +21,7 @@ from twin.scenario import load_scenario
 from twin.studies import store as study_store
 from twin.studies.run import write_coverage
 from twin.studies.spec import Coverage
-from twin.suites import store_files
+from twin.suites import result_files
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener
 
@@ -191,7 +191,7 @@ def test_an_export_replaces_its_own_folder_and_no_other(tmp_path: Path) -> None:
 
 
 def _suite(folder: Path) -> None:
-    with store_files.open_store(folder, [], {}, resume=False):
+    with result_files.open_store(folder, [], {}, resume=False):
         pass
 
 

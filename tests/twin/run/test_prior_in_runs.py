@@ -24,9 +24,9 @@ from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
 from twin.suites.cluster import Workers
 from twin.suites.expansion import expand
+from twin.suites.result_files import read_store
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
-from twin.suites.store_files import read_store
 
 PLUG_IN = """
 import json

@@ -15,7 +15,7 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import driven
 from twin.sensors.fault_kinds import FAULT_KINDS
 from twin.suites.expansion import Case, expand
-from twin.suites.gate import read_baseline
+from twin.suites.result_files import read_baseline
 from twin.suites.spec import load_suite
 from twin.suites.worker import resolved_scenario
 

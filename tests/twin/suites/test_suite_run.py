@@ -23,16 +23,16 @@ from typer.testing import CliRunner
 from trackers.errors import InputError
 from twin.commands.batch import suite_app as app
 from twin.scenario import Scenario
-from twin.suites import run as suite_run, store_files
+from twin.suites import result_files, run as suite_run
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
 from twin.suites.comparison import SuiteOutcome
 from twin.suites.dask_runner import ProgressListener
 from twin.suites.page import write_page
+from twin.suites.result_files import read_store
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.store import FORMER_FACTS
-from twin.suites.store_files import read_store
 
 pytestmark = pytest.mark.slow
 
@@ -169,7 +169,7 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
 def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    connected = store_files._connected
+    connected = result_files._connected
 
     @contextmanager
     def small_disk(path: Path):
@@ -180,7 +180,7 @@ def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
 
     folder = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(store_files, "_connected", small_disk)
+        patch.setattr(result_files, "_connected", small_disk)
         with pytest.raises(
             InputError, match=r"results.sqlite: cannot be written; .* \(database or disk is full\); --resume"
         ):

@@ -1,7 +1,11 @@
-"""Open the results file of a run: a new one, an earlier one to resume, or any for reading."""
+"""Files of results: that of a run, a new one, an earlier one to resume, or any for reading; and baselines.
+
+A baseline is one JSON file of results to be committed, one line per seed.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sqlite3
@@ -10,12 +14,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pydantic import Field
+
+from trackers.configuration import Strict, validate
 from trackers.errors import InputError
+from trackers.plain_data import parse_json
+from trackers.text_file import read_text
 from twin.messages import counted
+from twin.recording.atomic_file import write_atomic
 from twin.run.out_folder import check_others, locked_folder
 from twin.suites.cache import fault_of
 from twin.suites.expansion import Case, with_variant
-from twin.suites.store import EXPECTED, ResultStore, StoredCase, fault_of_file
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS
+from twin.suites.results import Group, GroupKey, Results, collect_results
+from twin.suites.store import EXPECTED, OverridesText, ResultStore, StoredCase, fault_of_file
 
 RESULTS_FILE = "results.sqlite"
 _WRITTEN = ("summary.json", "report.html", "junit.xml", "cases", "logs")
@@ -178,3 +190,133 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
     finally:
         connection.close()
+
+
+NOTHING_COMPARED = "nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
+_BASELINE_EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
+
+
+class _StoredGroup(Strict):
+    """Group as stored in the file; older files lack the digests."""
+
+    scenario: str
+    variant: str
+    overrides: OverridesText
+    seeds: dict[int, dict[str, float | None]]
+    recordings: dict[int, str] = Field(default_factory=dict)
+    recipes: dict[int, str] = Field(default_factory=dict)
+    people: dict[int, str] = Field(default_factory=dict)
+
+    def group(self) -> Group:
+        return Group(self.variant, self.seeds, recordings=self.recordings, recipes=self.recipes, people=self.people)
+
+
+class _StoredTracker(_StoredGroup):
+    tracker: str
+
+
+class _StoredSensor(_StoredGroup):
+    sensor: str
+
+
+class _Baseline(Strict):
+    suite: str
+    versions: dict[str, str | None]
+    renderers: list[str] = Field(default_factory=list)
+    groups: list[_StoredTracker]
+    sensors: list[_StoredSensor] = Field(default_factory=list)
+
+
+def read_baseline(path: Path) -> Results:
+    """Read the results in a baseline. Raises InputError for any other file."""
+    content = parse_json(read_text(path, _BASELINE_EXPECTED), str(path), _BASELINE_EXPECTED)
+    if not isinstance(content, dict) or "groups" not in content:
+        raise InputError(f"{path}: is no baseline, as it has no groups; {_BASELINE_EXPECTED} is expected")
+    if "cases" in content:
+        raise InputError(f"{path}: is the summary of a run, and no baseline; {_BASELINE_EXPECTED} is expected")
+    held = validate(_Baseline, content, str(path))
+    return Results(
+        suite=held.suite,
+        versions=held.versions,
+        renderers=tuple(held.renderers),
+        groups={GroupKey(each.scenario, each.overrides, each.tracker): each.group() for each in held.groups},
+        sensors={GroupKey(each.scenario, each.overrides, each.sensor): each.group() for each in held.sensors},
+    )
+
+
+def write_baseline(path: Path, results: Results) -> None:
+    """Write the compared metrics; raises InputError where some are missing or the file cannot be written."""
+    if results.failed or results.unfinished:
+        raise InputError(
+            f"{path}: not written: {len(results.failed)} cases failed and {results.unfinished} are not finished; "
+            "a whole run is expected of a baseline"
+        )
+    head: Mapping[str, Any] = {
+        "suite": results.suite,
+        "versions": dict(results.versions),
+        "renderers": list(results.renderers),
+    }
+    text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
+    groups = _lines(results.groups, "tracker", tuple(GATED))
+    sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
+    write_atomic(path, f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
+
+
+def _lines(groups: Mapping[GroupKey, Group], whose: str, metrics: Sequence[str]) -> str:
+    """Format the groups as JSON, one line per seed; `whose`: "tracker" or "sensor"."""
+    return ",\n".join(_text(key, group, whose, metrics) for key, group in groups.items())
+
+
+def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> str:
+    seeds = ",\n".join(
+        f"      {json.dumps(str(seed))}: {json.dumps({name: figures.get(name) for name in metrics})}"
+        for seed, figures in sorted(group.seeds.items())
+    )
+    about = {
+        "scenario": key.scenario,
+        "variant": group.variant,
+        "overrides": key.overrides,
+        whose: key.tracker,
+        "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
+        "recipes": {str(seed): digest for seed, digest in sorted(group.recipes.items())},
+        "people": {str(seed): digest for seed, digest in sorted(group.people.items())},
+    }
+    return f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}'
+
+
+def baseline_of(suite: str, baseline: Path | None, update: bool) -> Results | None:
+    """Read the results to compare with; None without any. Raises InputError for those of another suite."""
+    if baseline is None or (update and not baseline.exists()):
+        return None
+    before = read_baseline(baseline)
+    if before.suite != suite:
+        raise InputError(f"--baseline {baseline}: is of the suite {before.suite!r}; one of {suite!r} is expected")
+    return None if update else before
+
+
+def held_baseline(store: ResultStore) -> Results | None:
+    """Read the baseline that a run was compared with; None where there is none any more."""
+    baseline = store.facts().get("baseline")
+    return read_baseline(Path(baseline)) if baseline and Path(baseline).is_file() else None
+
+
+def check_comparable(before: Results | None, source: str, cases: Sequence[Case]) -> None:
+    """Raise InputError if no case is one of the results to compare with, whatever its tracker."""
+    if before is None:
+        return
+    held = {(key.scenario, key.overrides, seed) for key, group in before.groups.items() for seed in group.seeds}
+    if not any((case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.seed) in held for case in cases):
+        raise InputError(f"{source}: {NOTHING_COMPARED}")
+
+
+def read_results(path: Path) -> Results:
+    """Read the results of a suite's folder, its results.sqlite or a baseline. Raises InputError for anything else."""
+    if path.suffix == ".json":
+        return read_baseline(path)
+    with read_store(run_folder(path)) as store:
+        return collect_results(store)
+
+
+def run_folder(path: Path) -> Path:
+    """Return the folder of results that are given by it or by their file in it."""
+    return path.parent if path.name == RESULTS_FILE else path
