@@ -93,9 +93,9 @@ def test_an_area_drawn_beyond_walls_that_nobody_passes_is_told(beyond_m: float, 
 
 
 def overlap(one: np.ndarray, other: np.ndarray) -> float:
-    """Intersection over union, at the middles of 300 x 300 cells."""
+    """Intersection over union, at the middles of 120 x 120 cells."""
     both = np.concatenate([one, other])
-    cells = (np.stack(np.meshgrid(np.arange(300), np.arange(300)), axis=-1).reshape(-1, 2) + 0.5) / 300
+    cells = (np.stack(np.meshgrid(np.arange(120), np.arange(120)), axis=-1).reshape(-1, 2) + 0.5) / 120
     places = both.min(axis=0) + cells * np.ptp(both, axis=0)
     first, second = Area(one).contains(places), Area(other).contains(places)
     return float((first & second).sum() / (first | second).sum())
