@@ -79,7 +79,7 @@ def cache_folder() -> Path:
 
     Raises InputError for a user without a home folder.
     """
-    # platformdirs would replace one line, and for a user without a home folder names one, `~`, in the present folder
+    # platformdirs would replace one line of this, and on macOS names another folder than the documented one
     named = os.environ.get("ROOMTWIN_CACHE")
     if named:
         return as_path(named, "ROOMTWIN_CACHE")
