@@ -5,6 +5,7 @@ import logging
 import os
 from collections import defaultdict
 from collections.abc import Generator, Iterator
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -29,6 +30,9 @@ import shape_checks  # noqa: E402
 import worker_memory  # noqa: E402
 
 worker_memory.map_large_arrays()
+PEAK = worker_memory.Peak()
+WORKERS: dict[str, tuple[float, str]] = {}
+"""Peak memory of each worker [MiB], and the file of tests that reached it."""
 
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()
@@ -81,6 +85,7 @@ def pytest_runtest_teardown(item: pytest.Function, nextitem: pytest.Item | None)
     result = yield
     if nextitem is None or nextitem.path != item.path:
         assert item.module is not None
+        PEAK.note(item.nodeid.partition("::")[0])
         worker_memory.end_file(item.module)
     else:
         worker_memory.collect_if_grown()
@@ -100,3 +105,22 @@ def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         name for name in loggers if name.partition(".")[0] in OURS and getattr(loggers[name], "disabled", False)
     ]
     assert not disabled, "a library configured logging, which disables the loggers that there are"
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Hand this worker's peak memory to the process that started it."""
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["peak"] = (PEAK.mib, PEAK.file)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take a worker's peak memory; one that crashed has none."""
+    if peak := getattr(node, "workeroutput", {}).get("peak"):
+        WORKERS[node.gateway.id] = peak
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the peak memory of each worker."""
+    for worker, (mib, file) in sorted(WORKERS.items()):
+        terminalreporter.write_line(f"worker {worker}: peak {mib:.0f} MiB, reached in {file}")

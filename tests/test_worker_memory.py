@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import threadpoolctl  # scikit-learn's
 import worker_memory
-from worker_memory import GROWTH_MIB, LARGE_CACHES, collect_if_grown, end_file, resident_mib, shared_caches
+from worker_memory import GROWTH_MIB, LARGE_CACHES, Peak, collect_if_grown, end_file, resident_mib, shared_caches
 
 resident = pytest.mark.skipif(resident_mib() == 0.0, reason="resident memory is read from /proc")
 
@@ -70,3 +70,17 @@ def test_blas_has_one_thread() -> None:
 
     found = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
     assert found and {each["num_threads"] for each in found} == {1}, found
+
+
+@resident
+def test_the_peak_of_a_worker_is_of_the_file_that_reached_it() -> None:
+    peak = Peak()
+    peak.note("first")
+    before_mib = peak.mib
+    assert before_mib >= resident_mib()
+    peak.note("as little")
+    assert (peak.mib, peak.file) == (before_mib, "first")
+    held = np.ones(round((before_mib - resident_mib() + 2 * GROWTH_MIB) * 2**17))
+    del held
+    peak.note("more")
+    assert peak.file == "more" and peak.mib > before_mib + GROWTH_MIB

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import re
 import sys
 from collections.abc import Iterator
 from functools import _lru_cache_wrapper
@@ -30,6 +31,7 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8
 
 _TESTS = str(Path(__file__).parent)
 _STATUS = Path("/proc/self/statm")
+_PEAK = re.compile(r"^VmHWM:\s*(\d+) kB", re.MULTILINE)
 _settled_mib = 0.0
 _released_mib = 0.0
 
@@ -50,6 +52,27 @@ def resident_mib() -> float:
         return int(_STATUS.read_bytes().split()[1]) / 256  # pages of 4 KiB
     except OSError:
         return 0.0
+
+
+def peak_mib() -> float:
+    """Return the greatest resident memory that this process had, 0 on a system that does not tell it in /proc."""
+    try:
+        found = _PEAK.search(Path("/proc/self/status").read_text())
+    except OSError:
+        return 0.0
+    return 0.0 if found is None else int(found[1]) / 1024
+
+
+class Peak:
+    """The greatest resident memory of a process that runs tests, and the file of tests that reached it."""
+
+    def __init__(self) -> None:
+        self.mib, self.file = 0.0, ""
+
+    def note(self, file: str) -> None:
+        """Note the peak at the end of a file of tests, if it has grown by a MiB."""
+        if (now_mib := peak_mib()) > self.mib + 1:
+            self.mib, self.file = now_mib, file
 
 
 def collect_if_grown() -> None:
