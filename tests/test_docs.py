@@ -19,9 +19,12 @@ from documentation import gallery, reference, tables
 from documentation.build import assembled
 from documentation.figures import commits_since, read_figures, read_sources
 from documentation.tables import PLACEHOLDER, readme_with_tables, sources_in
+from typer.testing import CliRunner
 
+from trackers.configuration import leaves_of, validate
 from trackers.observations import Observation
 from trackers.plain_data import parse_yaml
+from trackers.presets import PRESETS, options_of
 from trackers.rig import Rig
 from trackers.rig_sensors import RigSensor
 from twin.cli import app
@@ -200,6 +203,28 @@ def test_the_reference_of_a_schema_has_every_field_with_its_meaning(schema: str,
     rows = re.findall(r"^\| `([^`]+)` \|(?:[^|\\]|\\.)*\|(?:[^|\\]|\\.)*\|((?:[^|\\]|\\.)*)\|$", text, re.MULTILINE)
     assert len(rows) > 15
     assert [name for name, meaning in rows if not meaning.strip() and name not in {"kind"}] == []
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_reference_of_trackers_has_every_option_with_its_meaning(name: str, pages: dict[str, str]) -> None:
+    """As the trackers themselves take them: each value of an option of a preset is on the page, or the class's own is."""
+    model, given = options_of(name)
+    printed = CliRunner().invoke(app, ["list", "trackers", "--options", name]).stdout
+    rows = {
+        row[0]: row[1:]
+        for row in re.findall(r"^\| `([^`]+)` \| `([^`]*)` \| ([^|]*) \| (.*) \|$", printed, re.MULTILINE)
+    }
+    options = dict(leaves_of(validate(model, given, name)))
+    assert rows.keys() >= options.keys() and all(meaning.strip() for _, _, meaning in rows.values())
+    page = pages["docs/reference/trackers.md"]
+    assert f"## {name}\n" in page and all(f"| `{path}` |" in page for path in options)
+    assert [path for path, value in options.items() if isinstance(value, float) and float(rows[path][0]) != value] == []
+
+
+def test_nothing_is_installed_by_a_name_that_an_index_may_not_have(pages: dict[str, str]) -> None:
+    sources = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "twin").rglob("*.py")}
+    named = re.compile(r"pip install[^\n]*\broomtwin(?! @|\.git)")
+    assert [name for name, text in {**pages, **sources}.items() if named.search(text)] == []
 
 
 def test_the_command_line_page_has_every_command() -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar, TypeVar, get_args
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema, to_json
 
 from trackers.errors import InputError, valid_names
 from trackers.former_options import (
@@ -37,6 +38,10 @@ _MOST_SHOWN = 200
 """Number of characters of a value in an error."""
 _LARGEST_NUMBER = 1_000_000_000
 """Bound of numbers without their own: no length, time, angle, count or weight is larger, in any unit."""
+
+
+_UNIT = re.compile(r" ?\[([^\[\],;]{1,12})\]")
+"""Unit in a field's description."""
 
 
 def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None) -> Any:
@@ -142,6 +147,47 @@ def leaves_of(options: BaseModel, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from leaves_of(value, f"{path}{name}.")
         else:
             yield f"{path}{name}", value
+
+
+@dataclass(frozen=True)
+class OptionRow:
+    """An option: its path, default as YAML, unit ("": none), meaning, and the words that it can be."""
+
+    path: str
+    default: str
+    unit: str
+    meaning: str
+    choices: tuple[str, ...]
+
+
+def option_rows(model: type[BaseModel], given: Mapping[str, Any], above: str = "") -> Iterator[OptionRow]:
+    """Yield every option below a model that is no model itself, with the values of a preset, `given`, over the defaults."""
+    for name, info in model.model_fields.items():
+        default = None if info.is_required() else info.get_default(call_default_factory=True)
+        value = given.get(name, default)
+        kinds = members_of(info.annotation)
+        nested = [each for each in kinds if isinstance(each, type) and issubclass(each, BaseModel)]
+        meaning, words = (
+            info.description or "",
+            [word for each in kinds if get_origin(each) is Literal for word in get_args(each)],
+        )
+        if not nested or value is None:
+            shown = "required" if info.is_required() and name not in given else to_json(value).decode()
+            unit = _UNIT.search(meaning)
+            yield OptionRow(f"{above}{name}", shown, unit[1] if unit else "", meaning, tuple(map(str, words)))
+        held = dict(default) if isinstance(default, BaseModel) else {}
+        for each in nested:
+            yield from option_rows(each, held | dict(value or {}), f"{above}{name}.")
+
+
+def options_markdown(model: type[BaseModel], given: Mapping[str, Any]) -> str:
+    """Return a table of a tracker's options as Markdown: default, unit, meaning."""
+    lines = ["| option | default | unit | meaning |", "|---|---|---|---|"]
+    for row in option_rows(model, given):
+        meaning = _UNIT.sub("", row.meaning, count=1).replace("|", "\\|").replace("<", "&lt;")
+        one_of = f" (one of {', '.join(f'`{each}`' for each in row.choices)})" if row.choices else ""
+        lines.append(f"| `{row.path}` | `{row.default}` | {row.unit} | {meaning}{one_of} |")
+    return "\n".join(lines) + "\n"
 
 
 def described(model: type[BaseModel], field: str) -> str:

@@ -25,6 +25,7 @@ from trackers.rgbd_head import rules as head_rules
 
 if TYPE_CHECKING:
     import numpy as np
+    from pydantic import BaseModel
 
     from trackers.observations import Observation
     from trackers.rig import Rig
@@ -234,6 +235,22 @@ def rules_of(name: str) -> tuple[PaperRule, ...]:
         having = valid_names(name, [each for each, preset in PRESETS.items() if preset.rules])
         raise InputError(f"--rules {name}: no table of a paper's rules has this name; {having}")
     return found.rules
+
+
+def options_of(name: str) -> tuple[type[BaseModel], Mapping[str, Any]]:
+    """Return the model of a tracker's options, and the values that the preset sets. Raises InputError for one without a model."""
+    known = available()
+    if name not in known and ":" not in name:
+        raise InputError(
+            f"--options {name}: there is no tracker {name!r}; {valid_names(name, known, ', or module:Class')}"
+        )
+    preset = known.get(name, Preset(name, ""))
+    model = getattr(_load(preset.target, name), "Options", None)
+    if model is None:
+        raise InputError(
+            f"--options {name}: the class names no model of its options; a field `Options` of it is expected"
+        )
+    return model, preset.options
 
 
 def available() -> dict[str, Preset]:

@@ -65,7 +65,7 @@ def other_trackers() -> str | None:
         where = f"in {trackers.__file__ or 'this environment'} is another one"
     return (
         f"the package 'trackers' {where}; that of {_DISTRIBUTION} is expected: in an environment of its own, "
-        f"pip install --force-reinstall {_DISTRIBUTION}"
+        "pip install -e . in the checkout"
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ import typer
 from trackers.errors import InputError
 from trackers.plain_data import parse_number
 from twin import models
+from twin.messages import printable
 
 _MOST_WHOLE = 2**63 - 1
 """Largest whole number that files and tables hold."""
@@ -143,6 +145,14 @@ RulesOf = Annotated[
         autocompletion=completed_from(_with_rules),
     ),
 ]
+OptionsOf = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Print the options of a tracker, a preset or module:Class, as a table: default, unit, meaning.",
+        autocompletion=completed_from(presets),
+    ),
+]
 ScenarioName = Annotated[
     str,
     typer.Argument(
@@ -254,3 +264,24 @@ def command_group(help_: str) -> typer.Typer:
             typer.echo(context.get_help())
 
     return group
+
+
+def print_listed(title: str, entries: Mapping[str, str]) -> None:
+    """Print a table on a terminal; else one line per entry, of any length, for other programs."""
+    if not sys.stdout.isatty():
+        typer.echo(title)
+        column = max(map(len, entries)) + 2
+        for name, description in entries.items():
+            typer.echo(printable(f"  {name:{column}}{description}".rstrip()))
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from twin.console import PlainConsole
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1))
+    table.add_column(title, no_wrap=True)
+    table.add_column("")
+    for name, description in entries.items():
+        table.add_row(name, description)
+    PlainConsole().print(table)

@@ -28,6 +28,7 @@ def assembled() -> dict[str, str]:
     pages = {path.relative_to(docs).as_posix(): path.read_text(encoding="utf-8") for path in sorted(docs.rglob("*.md"))}
     pages |= {
         **dict(reference.schema_pages()),
+        "reference/trackers.md": reference.options_page(),
         "reference/command-line.md": reference.command_page(),
         "tutorials/notebook.md": notebook_page(docs / "notebooks" / "observations.ipynb"),
         **gallery.pages(),

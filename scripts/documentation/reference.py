@@ -23,6 +23,32 @@ def schema_pages() -> Iterator[tuple[str, str]]:
         yield f"reference/{kind}.md", schema_page(kind, model.model_json_schema())
 
 
+def options_page() -> str:
+    """Format the options of every shipped tracker: a table per class, and what each preset of it sets otherwise."""
+    from trackers.configuration import option_rows, options_markdown
+    from trackers.presets import PRESETS, options_of
+
+    lines = [
+        "# Options of trackers",
+        "",
+        "Made from `twin list trackers --options NAME`, which has classes of your own too. An unknown option is refused.",
+        "",
+        "`--set trackers.NAME.OPTION=VALUE` changes one, as do `trackers:` of a scenario and `set:` of a suite.",
+    ]
+    first: dict[Any, str] = {}
+    for name in PRESETS:
+        model, given = options_of(name)
+        if model not in first:
+            first[model] = name
+            lines += ["", f"## {name}", "", _text(PRESETS[name].summary), "", options_markdown(model, given).rstrip()]
+            continue
+        usual = {row.path: row.default for row in option_rows(model, options_of(first[model])[1])}
+        own = [row for row in option_rows(model, given) if usual.get(row.path) != row.default]
+        lines += ["", f"### {name}", "", f"As [{first[model]}](#{first[model]}), but for these.", ""]
+        lines += ["| option | value |", "|---|---|", *(f"| `{row.path}` | `{row.default}` |" for row in own)]
+    return "\n".join(lines) + "\n"
+
+
 def schema_page(kind: str, schema: Schema) -> str:
     """Format a schema: a table of the fields of the file, then one per kind of object in it."""
     lines = [

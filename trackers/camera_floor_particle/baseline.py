@@ -77,6 +77,8 @@ class ClusterTracks(Rows):
 class ClusterKalman(SynchronizedTracker):
     """Tracker triggered by the floor's frames; raises InputError for a rig without a floor."""
 
+    Options = ClusterKalmanOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:

@@ -159,6 +159,8 @@ class CameraFloorParticle(SynchronizedTracker):
     Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
     """
 
+    Options = CameraFloorParticleOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:

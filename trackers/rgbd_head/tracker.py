@@ -64,6 +64,8 @@ class RgbdHead(SynchronizedTracker):
     scheduler without answer or with too few workers.
     """
 
+    Options = RgbdHeadOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:

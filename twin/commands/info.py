@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +11,16 @@ import typer
 
 from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, check_no_path, valid_names
 from twin import version_of
-from twin.command_options import PARTS, CheckedTracker, ListedPart, RulesOf, completed_from, shipped
+from twin.command_options import (
+    PARTS,
+    CheckedTracker,
+    ListedPart,
+    OptionsOf,
+    RulesOf,
+    completed_from,
+    print_listed,
+    shipped,
+)
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.messages import printable
 
@@ -34,19 +42,31 @@ _SENSOR = "a callable without arguments that returns a sensor with observe()"
 def list_(
     part: ListedPart = None,
     rules: RulesOf = None,
+    options: OptionsOf = None,
     cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
     from trackers.paper_rules import bibtex, rules_markdown
-    from trackers.presets import available, rules_of
+    from trackers.presets import available, options_of, rules_of
 
     if part is not None and part not in PARTS:
         raise InputError(f"list: there is none of {part!r}; {valid_names(part, PARTS)}")
-    for option, is_given in (("--rules", rules is not None), ("--cite", cite)):
-        if is_given and part not in (None, "trackers"):
-            raise InputError(f"{option}: is of trackers, not of {part}")
-    if rules is not None and cite:
-        raise InputError(f"--rules {rules}: is a table of its own beside --cite; one of the two is expected")
+    asked = (
+        [f"--rules {rules}"] * (rules is not None)
+        + [f"--options {options}"] * (options is not None)
+        + ["--cite"] * cite
+    )
+    if asked and part not in (None, "trackers"):
+        raise InputError(f"{asked[0].split()[0]}: is of trackers, not of {part}")
+    if len(asked) > 1:
+        raise InputError(f"{asked[0]}: is a table of its own beside {asked[1].split()[0]}; one of the two is expected")
+    if options is not None:
+        from trackers.configuration import options_markdown
+        from twin.run.inputs import import_from_here
+
+        import_from_here([options])
+        typer.echo(options_markdown(*options_of(options)), nl=False)
+        return
     if rules is not None:
         typer.echo(rules_markdown(rules, rules_of(rules)), nl=False)
         return
@@ -54,7 +74,7 @@ def list_(
         typer.echo(bibtex(each.citation for each in available().values()))
         return
     for title in PARTS if part is None else [part]:
-        print_part(title, _described(title, with_sensors=part is not None))
+        print_listed(title, _described(title, with_sensors=part is not None))
 
 
 def _described(part: str, *, with_sensors: bool) -> dict[str, str]:
@@ -70,27 +90,6 @@ def _described(part: str, *, with_sensors: bool) -> dict[str, str]:
     if part == "scenarios" and with_sensors:
         return {name: f"{text} Sensors: {', '.join(models.scenario_sensors(name))}." for name, text in found.items()}
     return found
-
-
-def print_part(title: str, entries: Mapping[str, str]) -> None:
-    """Print a table on a terminal; else one line per entry, of any length, for other programs."""
-    if not sys.stdout.isatty():
-        typer.echo(title)
-        column = max(map(len, entries)) + 2
-        for name, description in entries.items():
-            typer.echo(printable(f"  {name:{column}}{description}".rstrip()))
-        return
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from twin.console import PlainConsole
-
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1))
-    table.add_column(title, no_wrap=True)
-    table.add_column("")
-    for name, description in entries.items():
-        table.add_row(name, description)
-    PlainConsole().print(table)
 
 
 def schema(
@@ -247,7 +246,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.studies.preflight import prepare
     from twin.suites.expansion import expand
     from twin.suites.preflight import check_trackers
-    from twin.suites.run import idle_changes
+    from twin.suites.run import idle_changes, idle_settings
     from twin.suites.spec import load_suite
     from twin.view.room_sheet import empty_world, extent_text, left_out
     from twin.world.simulation import Simulation
@@ -268,8 +267,9 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             seats = ", ".join(scene.ground.furniture) or "none"
             about = f"{extent_text(scene.walkable)}; seats and beds: {seats}"
         case "suite":
-            cases = expand(*load_suite(name), trusted=trusted, limits=True, scenes=True)
-            print_warnings(idle_changes(cases))
+            suite, path = load_suite(name)
+            cases = expand(suite, path, trusted=trusted, limits=True, scenes=True)
+            print_warnings([*idle_settings(suite), *idle_changes(cases)])
             about = f"cases: {len(cases)}"
         case "study":
             study = prepare(name, trusted=trusted)

@@ -86,7 +86,11 @@ scenarios:
     require: {{sort: {{mota: ">= 0.5"}}}}       # exit code 1 where it is not reached
 # Bags are cases too, the twin's or a robot's:
 # recordings:
-#   - {{recording: bags/*.mcap, rig: rig.yaml, truth: truth.csv}}
+#   - recording: bags/*.mcap
+#     rig: rig.yaml
+#     truth: truth.csv
+#     require: {{sort: {{misses: "<= 5"}}}}
+#     set: {{trackers.sort.radius_m: 0.8}}
 """
 
 STUDY = """\

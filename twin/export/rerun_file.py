@@ -1,6 +1,6 @@
 """rerun: one `.rrd` per recording, with room, sensors, scans, pictures, depth, floor, truth and tracks on one timeline `t`.
 
-Needs `rerun-sdk` (`pip install roomtwin[rerun]`). `rerun FILE.rrd` opens it, `rerun --web-viewer FILE.rrd` in a browser.
+Needs `rerun-sdk` (`pip install -e '.[rerun]'` in the checkout). `rerun FILE.rrd` opens it, in a browser with `--web-viewer`.
 Entities: /room is the room's frame [m], /room/sensors/NAME a sensor's; depth pictures stand under their lens, so that the viewer
 makes points of them. Pictures of lenses that rerun cannot project (fisheye) stand alone under /pictures.
 """
@@ -39,7 +39,7 @@ def export_rerun(recordings: Sequence[Recorded], out: Path) -> None:
         rerun = importlib.import_module("rerun")
     except ImportError as error:
         raise InputError(
-            f"--format rerun: rerun-sdk is not installed ({error}); pip install 'roomtwin[rerun]' installs it"
+            f"--format rerun: rerun-sdk is not installed ({error}); pip install -e '.[rerun]' in the checkout installs it"
         ) from error
     for recorded in recordings:
         _RerunFile(rerun, recorded).write(out / f"{recorded.name}.rrd")

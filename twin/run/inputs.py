@@ -81,10 +81,10 @@ def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
     return trackers if isinstance(trackers, dict) else {}
 
 
-def unused_changes(changes: Sequence[str], run: Collection[str]) -> list[str]:
-    """Return a sentence for each tracker that `--set` changes though it is not among those that are run."""
+def unused_changes(changes: Sequence[str], run: Collection[str], where: str = "--set ") -> list[str]:
+    """Return a sentence for each tracker that `--set`, or another `where`, changes though it is not among those that run."""
     return [
-        f"--set trackers.{name}: changes nothing, as {name} is not run, but {', '.join(run) or 'no tracker'}"
+        f"{where}trackers.{name}: changes nothing, as {name} is not run, but {', '.join(run) or 'no tracker'}"
         for name in changed_trackers(changes)
         if name not in run
     ]
@@ -254,11 +254,13 @@ def chosen_trackers(
     """Return the trackers called `names`, as in the bag's scenario, with overrides; raises InputError for invalid ones."""
     source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
     trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
-    return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
+    return choose(names, defined_trackers(scenario, names, changes), source, trusted, TRACK)
 
 
-def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
-    """Return the requested trackers defined by the bag's scenario, with overrides."""
+def defined_trackers(
+    scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
+) -> dict[str, TrackerChoice]:
+    """Return the requested trackers defined by the bag's scenario, with overrides; raises InputError for invalid ones."""
     asked = {*names, *changed_trackers(changes)}
     content = {
         "trackers": {

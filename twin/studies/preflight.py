@@ -23,13 +23,8 @@ from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
 from twin.studies.visibility import floor_cells, is_scanner, looking_sensors
-from twin.suites.preflight import (
-    deeper,
-    format_overrides,
-    is_known_tracker,
-    unknown_tracker,
-    warnings_silenced,
-)
+from twin.suites.preflight import is_known_tracker, unknown_tracker, warnings_silenced
+from twin.suites.variants import deeper, format_overrides
 from twin.world.scene import Scene, build_scene, scene_faults
 
 

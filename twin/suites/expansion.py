@@ -18,7 +18,7 @@ from trackers.text_file import refuse_unless_lifted
 from twin import models
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
-from twin.run.inputs import NONE_TRUSTED, TrustedClasses, chosen_trackers, files_for, scenario_of
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses, defined_trackers, files_for, scenario_of
 from twin.run.tracker_runner import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
@@ -33,8 +33,9 @@ from twin.suites.cache_keys import (
     recording_key,
     room_digest,
 )
-from twin.suites.preflight import TrackerCheck, Variant, format_overrides, place_of, variants
+from twin.suites.preflight import TrackerCheck
 from twin.suites.spec import Overrides, Suite
+from twin.suites.variants import Variant, format_overrides, place_of, recorded_variant, variants
 from twin.world.scene import scene_faults
 
 MOST_CASES = 5000
@@ -214,7 +215,7 @@ def _check_entry(
             )
             if limits:
                 check_size(scenario)
-            title = with_variant(entry.name or scenario.name, _own_settings(variant))
+            title = with_variant(entry.name or scenario.name, variant.title())
             digest = check.check(variant, scenario, scenario_path, title)
         except InputError as error:
             lines = str(error).splitlines()
@@ -245,7 +246,7 @@ def _cases_of(suite: Suite, checked: _Checked, seeded: Sequence[Scenario]) -> It
     overrides, label, described = (
         format_overrides(variant.overrides),
         entry.name or scenario.name,
-        _own_settings(variant),
+        variant.title(),
     )
     for of_seed in seeded:
         seed = of_seed.seed
@@ -271,45 +272,48 @@ def _cases_of(suite: Suite, checked: _Checked, seeded: Sequence[Scenario]) -> It
                 prior=scenario.prior,
                 provenance=provenance_of(resolved, room, followed, checked.digest),
                 recipe=recipe,
-                tracker_changes=format_overrides(
-                    {
-                        f"trackers.{name}": choice.model_dump(mode="json", exclude_none=True)
-                        for name, choice in scenario.trackers.items()
-                    }
-                ),
+                tracker_changes=_definitions(scenario.trackers),
             )
+
+
+def _definitions(trackers: Mapping[str, TrackerChoice]) -> tuple[str, ...]:
+    return format_overrides(
+        {f"trackers.{name}": each.model_dump(mode="json", exclude_none=True) for name, each in trackers.items()}
+    )
 
 
 def _recorded_cases(
     suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck
 ) -> Iterator[Case]:
     """Yield the cases of an entry of `recordings`: bag × seed × tracker."""
-    entry = suite.recordings[number]
+    entry, variant = suite.recordings[number], recorded_variant(suite, number, changes)
     bags = bags_of(path.parent, entry.recording)
     if entry.name is not None and len(bags) > 1:
         raise InputError(f"name: {entry.name} would be that of {len(bags)} bags; no name, or one bag, is expected")
     rig, truth = (None if each is None else path.parent / each for each in (entry.rig, entry.truth))
-    chosen = tuple(change for change in changes if change.partition("=")[0].split(".")[0] in ("trackers", "prior"))
+    overrides, followed = format_overrides(variant.overrides), variant.followed(path.parent)
     for bag, own_name in bags.items():
         recording, found = Recording(bag, rig), RecordedInput.of(bag, rig, truth)
         if truth is not None:
             read_truth(truth)
         described = scenario_of(recording)
-        files, _ = files_for(recording, described, rig, chosen)
+        files, _ = files_for(recording, described, rig, followed)
         prior = Prior.read((), files, recording.rig)
-        name = entry.name or own_name
+        name, defined = entry.name or own_name, defined_trackers(described, variant.trackers, followed)
+        check.check_recorded(variant, bag, defined, recording.rig, prior, name)
+        of_prior = [each for each in followed if not each.startswith("trackers")]
         seconds = RunSize(
             seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
         )
-        for seed, tracker in product(entry.seeds, entry.trackers or suite.trackers):
-            (follows,) = chosen_trackers(recording, described, [tracker], chosen)
-            check.check_recorded(f"recordings.{number}.trackers", follows, recording.rig, prior, name)
-            made_from = provenance_of(f"bag {found.digest}", "", [(follows.target, follows.options)], files.digest())
+        for seed, tracker in product(entry.seeds, variant.trackers):
+            choice = defined.get(tracker, TrackerChoice())
+            made_by = ((choice.preset or tracker, choice.options),)
+            made_from = provenance_of(f"bag {found.digest}", "", made_by, files.digest())
             yield Case(
-                id=_case_id(name, (), seed, tracker),
+                id=_case_id(name, overrides, seed, tracker),
                 scenario=name,
                 variant="",
-                overrides=(),
+                overrides=overrides,
                 seed=seed,
                 tracker=tracker,
                 limit_s=entry.limit_s or suite.limit_s,
@@ -320,26 +324,13 @@ def _recorded_cases(
                 prior=files,
                 provenance=replace(made_from, simulation=""),
                 recipe=f"bag-{found.digest}",
-                tracker_changes=chosen,
+                tracker_changes=(*of_prior, *_definitions({tracker: choice} if tracker in defined else {})),
                 bag=found,
             )
 
 
 def _bytes_of(bag: Path) -> float:
     return float(sum(each.stat().st_size for each in ([bag] if bag.is_file() else bag.rglob("*"))))
-
-
-def _own_settings(variant: Variant) -> str:
-    """Format the settings that distinguish this variant from the others of its entry, short."""
-    return ", ".join(_short(text) for text in format_overrides(variant.own))
-
-
-_LONGEST = 60
-
-
-def _short(text: str) -> str:
-    text = text.replace('"', "")
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
 def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) -> str:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,77 +36,8 @@ from twin.scenario import Scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
-from twin.suites.spec import Overrides, Suite
+from twin.suites.variants import Variant, place_of
 from twin.world.empty_room import empty_room
-
-
-@dataclass(frozen=True)
-class Variant:
-    """One scenario of a suite with one combination of its overrides.
-
-    number: the entry's index under `scenarios`; listed: field that lists the trackers; overrides: all of the suite's file,
-    as applied; own: those that distinguish it from the entry's other variants; changes: 'path=value' texts of the command
-    line, applied last; sources: fields of the suite's file with their overrides, of two of one path the last counts.
-    """
-
-    number: int
-    trackers: tuple[str, ...]
-    listed: str
-    overrides: Overrides
-    own: Overrides
-    changes: tuple[str, ...]
-    sources: tuple[tuple[str, Collection[str]], ...]
-
-    def written(self, field: str) -> str | None:
-        """Find the source of a field's last override: a path in the suite, or '--set path=value: path'.
-
-        None where only the scenario's own file can have set it.
-        """
-        for text in reversed(self.changes):
-            path = text.partition("=")[0].strip()
-            if (reached := deeper(path, field)) is not None:
-                return f"--set {text}: {reached}"
-        for path in reversed(self.overrides):
-            if (reached := deeper(path, field)) is not None:
-                where = next(where for where, changes in reversed(self.sources) if path in changes)
-                return f"{where}.{reached}"
-        return None
-
-
-def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator[Variant]:
-    """Yield the variants of one entry of the suite, in order."""
-    entry, here = suite.scenarios[number], f"scenarios.{number}"
-    combinations = entry.combinations()
-    per_variant = len(combinations) // len(entry.variants)
-    for place, own in enumerate(combinations):
-        which = place // per_variant
-        sources = (
-            ("set", suite.set),
-            (f"{here}.set", entry.set),
-            (f"{here}.grid", entry.grid),
-            (f"{here}.variants.{which}", entry.variants[which]),
-        )
-        yield Variant(
-            number,
-            trackers=entry.trackers or suite.trackers,
-            listed=f"{here}.trackers" if entry.trackers else "trackers",
-            overrides={**suite.set, **entry.set, **own},
-            own=own,
-            changes=tuple(changes),
-            sources=sources,
-        )
-
-
-def format_overrides(changes: Overrides) -> tuple[str, ...]:
-    """Format overrides as 'path=value', the value as JSON, which is YAML too."""
-    return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
-
-
-def deeper(path: str, field: str) -> str | None:
-    """Return the longer of two paths where one contains the other, else None."""
-    if field == path or field.startswith(f"{path}."):
-        return field
-    return path if path.startswith(f"{field}.") else None
 
 
 class TrackerCheck:
@@ -137,29 +68,12 @@ class TrackerCheck:
         """
         rig = self._rig(scenario)
         prior = self._prior(variant, scenario, rig, file)
-        for name, choice in scenario.trackers.items() if self._runs else ():
-            if name in available() and choice.preset not in (None, name):
-                self._tell(redefined(place_of(variant, file, f"trackers.{name}.preset"), name, choice.preset))
-            if name not in variant.trackers and not is_known_tracker(choice.preset or name):
-                where = place_of(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
-                self._tell(unknown_tracker(where, choice.preset or name, "a preset: next to the options"))
-        for place, name in enumerate(variant.trackers if self._runs else ()):
-            choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
-            target = choice.preset or name
-            if not is_known_tracker(target):
-                where = place_of(variant, file, f"trackers.{name}.preset") if choice.preset else listed
-                self._tell(unknown_tracker(where, target, f"one that the scenario {scenario.name} defines"))
-            elif target not in available() and not self._trusted.has(target):
-                where = place_of(variant, file, f"trackers.{name}.preset") if choice.preset else listed
-                self._tell(not_trusted(where, target, SUITE))
-            elif is_untrusted_scheduler(choice, self._trusted):
-                self._tell(not_asked(place_of(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
-            elif prior is not None and (target in PRESETS or self._plug_ins):
-                for option, message in self._tried(target, rig, scenario, name, prior):
-                    if option:
-                        self._tell(f"{place_of(variant, file, f'trackers.{name}.{option}')}: {message}")
-                    else:
-                        self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
+        self._check_definitions(variant, file, scenario.trackers)
+        for name in variant.trackers if self._runs else ():
+            choice = scenario.trackers.get(name, TrackerChoice())
+            also = f"one that the scenario {scenario.name} defines"
+            if self._can_be_made(variant, file, name, choice, also) and prior is not None:
+                self._tell_each(variant, file, name, title, self._tried(choice, rig, scenario, name, prior))
         key = scenario.prior.model_dump_json()
         if prior is None:
             return ""
@@ -167,21 +81,56 @@ class TrackerCheck:
             self._digests[key] = scenario.prior.digest()
         return self._digests[key]
 
-    def check_recorded(self, listed: str, chosen: ChosenTracker, rig: Rig, prior: Prior, title: str) -> None:
-        """Check that a tracker can be made for the rig of a bag; `listed`: the field of the suite that names it.
+    def check_recorded(
+        self, variant: Variant, bag: Path, defined: Mapping[str, TrackerChoice], rig: Rig, prior: Prior, title: str
+    ) -> None:
+        """Check every tracker of a bag of the suite, with the definitions that it and the suite give.
 
         prior: what its prior files hold, without the empty room.
         """
-        name, target = chosen.name, chosen.target
-        if not self._runs:
-            return
+        self._check_definitions(variant, bag, defined)
+        for name in variant.trackers if self._runs else ():
+            choice = defined.get(name, TrackerChoice())
+            if self._can_be_made(
+                variant, bag, name, choice, "a name that set: {trackers: {NAME: {preset: …}}} defines"
+            ):
+                chosen = ChosenTracker(name, choice.preset or name, choice.options)
+                faults = _faults(chosen, rig, prior, 0, has_background=True)
+                self._tell_each(variant, bag, name, title, faults)
+
+    def _check_definitions(self, variant: Variant, file: Path, defined: Mapping[str, TrackerChoice]) -> None:
+        for name, choice in defined.items() if self._runs else ():
+            if name in available() and choice.preset not in (None, name):
+                self._tell(redefined(place_of(variant, file, f"trackers.{name}.preset"), name, choice.preset))
+            if name not in variant.trackers and not is_known_tracker(choice.preset or name):
+                where = place_of(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
+                self._tell(unknown_tracker(where, choice.preset or name, "a preset: next to the options"))
+
+    def _can_be_made(self, variant: Variant, file: Path, name: str, choice: TrackerChoice, also: str) -> bool:
+        """Collect an unknown or untrusted tracker as a fault; return whether it can be made here. also: else valid."""
+        target = choice.preset or name
+        listed = f"{variant.listed}.{variant.trackers.index(name)}"
+        where = place_of(variant, file, f"trackers.{name}.preset") if choice.preset else listed
         if not is_known_tracker(target):
-            self._tell(unknown_tracker(listed, target, "a class of your own"))
-        elif name not in available() and ":" in name and not self._trusted.has(name):
-            self._tell(not_trusted(listed, name, SUITE))
-        elif target in PRESETS or self._plug_ins:
-            for option, message in _faults(chosen, rig, prior, 0, has_background=True):
-                self._tell(f"{listed}: {name!r} cannot work on ", title, f": {option}{': ' * bool(option)}{message}")
+            self._tell(unknown_tracker(where, target, also))
+        elif target not in available() and not self._trusted.has(target):
+            self._tell(not_trusted(where, target, SUITE))
+        elif is_untrusted_scheduler(choice, self._trusted):
+            self._tell(not_asked(place_of(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
+        else:
+            return target in PRESETS or self._plug_ins
+        return False
+
+    def _tell_each(
+        self, variant: Variant, file: Path, name: str, title: str, faults: Iterable[tuple[str, str]]
+    ) -> None:
+        """Collect the faults of making a tracker, by its option or the field that lists it."""
+        for option, message in faults:
+            if option:
+                self._tell(f"{place_of(variant, file, f'trackers.{name}.{option}')}: {message}")
+            else:
+                listed = f"{variant.listed}.{variant.trackers.index(name)}"
+                self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
 
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
@@ -221,8 +170,10 @@ class TrackerCheck:
             return None
         return Prior(others.background, environment, others.learned)
 
-    def _tried(self, target: str, rig: Rig, scenario: Scenario, name: str, prior: Prior) -> list[tuple[str, str]]:
-        options = scenario.trackers.get(name, TrackerChoice()).options
+    def _tried(
+        self, choice: TrackerChoice, rig: Rig, scenario: Scenario, name: str, prior: Prior
+    ) -> list[tuple[str, str]]:
+        target, options = choice.preset or name, choice.options
         files = scenario.prior.model_dump_json()
         key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background, files)
         if key not in self._made:
@@ -261,13 +212,6 @@ def is_known_tracker(target: str) -> bool:
 def unknown_tracker(where: str, target: str, also: str) -> str:
     """Format the error for a field that names no tracker; `also`: what else is valid there."""
     return f"{where}: there is no tracker {target!r}; {valid_names(target, available(), f', module:Class, or {also}')}"
-
-
-def place_of(variant: Variant, file: Path, field: str) -> str:
-    """Locate a field in the user's input: in the suite, on the command line, or else in the scenario's file."""
-    if not field:
-        return f"scenarios.{variant.number}"
-    return variant.written(field) or f"scenarios.{variant.number}.scenario: {file}: {field}"
 
 
 def _faults(

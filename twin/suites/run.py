@@ -10,6 +10,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from twin.suites.results import collect_results, worst_cases
 from twin.suites.spec import Suite
 from twin.suites.store import DONE, FAILED, RecordingInfo, Requirement, ResultStore
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
+from twin.suites.variants import format_overrides, is_of_trackers
 from twin.suites.worker import (
     NO_RENDERER,
     WORST,
@@ -79,7 +81,7 @@ def run_suite(
     if suite.recordings:
         progress.planned(counted(len(cases), "case"))
     check(cases)
-    for warning in (*idle_changes(cases), *_idle_of_command(changes, cases)):
+    for warning in (*idle_settings(suite), *idle_changes(cases), *_idle_of_command(changes, cases)):
         progress.warned(warning)
     recordings = {case.resolved: case.size for case in cases}
     progress.planned(f"{counted(len(recordings), 'recording')}: {total(recordings.values())}")
@@ -106,9 +108,21 @@ def _check_rendering(cases: Sequence[Case]) -> None:
             return
 
 
+def idle_settings(suite: Suite) -> list[str]:
+    """Return a sentence for each `set` of a suite's file that changes a tracker that is not run, or no recording."""
+    entries = {f"scenarios.{number}.set.": each for number, each in enumerate(suite.scenarios)}
+    bags = {f"recordings.{number}.set.": each for number, each in enumerate(suite.recordings)}
+    run = {where: each.trackers or suite.trackers for where, each in {**entries, **bags}.items()}
+    sentences = unused_changes(format_overrides(suite.set), sorted({*chain(*run.values())}), "set.")
+    for where, each in {**entries, **bags}.items():
+        sentences += unused_changes(format_overrides(each.set), run[where], where)
+    idle = [path for path in suite.set if suite.recordings and not is_of_trackers(path)]
+    return sentences + [f"set.{path}: changes the scenarios alone; recordings are tracked as they are" for path in idle]
+
+
 def _idle_of_command(changes: Sequence[str], cases: Sequence[Case]) -> list[str]:
     """Return a sentence for each `--set` that no case follows: of a tracker that is not run, of a scenario for bags alone."""
-    of_scenarios = [each for each in changes if each.strip().split(".")[0].split("=")[0] not in ("trackers", "prior")]
+    of_scenarios = [each for each in changes if not is_of_trackers(each)]
     if any(case.bag is None for case in cases):
         of_scenarios = []
     bags = [f"--set {each}: changes nothing, as every case is a recording" for each in of_scenarios]

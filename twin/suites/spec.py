@@ -230,6 +230,7 @@ class SuiteRecording(Strict):
     )
     limit_s: Limit | None = Field(default=None, description="how long a case may take [s]; none: the suite's")
     require: Requirements = Field(default={}, description="what figures trackers are to reach here")
+    set: Overrides = Field(default={}, description="changes to the trackers and their prior files, by path")
 
 
 class Suite(Strict):
@@ -239,7 +240,10 @@ class Suite(Strict):
 
     name: OwnName = Field(description="name of the suite; it becomes the name of a folder")
     description: Text = Field(default="", description="what the suite is for, for readers")
-    seeds: Seeds = Field(default=(0, 1, 2), description="a list of seeds, or how many from 0 on")
+    seeds: Seeds = Field(
+        default=(0, 1, 2),
+        description="of the scenarios: a list of seeds, or how many from 0 on; recordings have their own",
+    )
     trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True), EachOnce] = Field(
         default=(), description="names of trackers to run on every scenario that names none"
     )
@@ -258,7 +262,9 @@ class Suite(Strict):
         description="what figures trackers are to reach, as a mean over the seeds of each scenario and whatever the baseline "
         "says: a number, or a bound",
     )
-    set: Overrides = Field(default={}, description="changes to every case of every scenario, by path")
+    set: Overrides = Field(
+        default={}, description="changes to every case, by path; recordings follow those of trackers and prior files"
+    )
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
         list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
@@ -287,6 +293,10 @@ class Suite(Strict):
         }
         if not entries:
             raise ValueError("scenarios: is missing; a list of scenarios, or recordings, is expected")
+        if "seeds" in self.model_fields_set and not self.scenarios:
+            raise ValueError(
+                "seeds: changes nothing, as every case is a recording; seeds: of each recording is expected"
+            )
         for where, entry in entries.items():
             if not (entry.trackers or self.trackers):
                 what = entry.scenario if isinstance(entry, SuiteScenario) else entry.recording
@@ -321,7 +331,9 @@ class Suite(Strict):
             return None if seeds is None else tuple(seed + offset for seed in seeds)
 
         scenarios = [entry.model_copy(update={"seeds": moved(entry.seeds)}) for entry in self.scenarios]
-        return self.model_copy(update={"seeds": moved(self.seeds), "scenarios": scenarios})
+        recordings = [entry.model_copy(update={"seeds": moved(entry.seeds)}) for entry in self.recordings]
+        update = {"seeds": moved(self.seeds), "scenarios": scenarios, "recordings": recordings}
+        return self.model_copy(update=update)
 
 
 def load_suite(name: str | Path) -> tuple[Suite, Path]:

@@ -73,13 +73,13 @@ def test_closed_pipe_is_quiet(command: list[str]) -> None:
 def test_list_keeps_its_columns_apart(
     width: int | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from twin.commands.info import print_part
+    from twin.command_options import print_listed
 
     entries = {"short": "one", "a-name-that-is-longer-than-the-column-was": "two words " * 9}
     if width is not None:
         monkeypatch.setenv("COLUMNS", str(width))
         monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    print_part("things", entries)
+    print_listed("things", entries)
     lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
     assert width is None or max(map(len, lines)) <= width
     assert not any("column-wastwo" in line for line in lines)

@@ -22,8 +22,8 @@ from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache_keys import Provenance, bags_of
-from twin.suites.expansion import expand
-from twin.suites.run import _idle_of_command
+from twin.suites.expansion import Case, expand
+from twin.suites.run import _idle_of_command, idle_settings
 from twin.suites.spec import load_suite
 
 
@@ -129,6 +129,22 @@ def test_requirement_that_is_not_met_fails(bags: Path, tmp_path: Path) -> None:
         ("recording: rig.yaml", "rig.yaml"),
         ("recording: bare.mcap, rig: rig.yaml, trackers: [sorts]", "there is no tracker 'sorts'"),
         ("recording: lab/recording.mcap, trackers: [rgbd-head]", "cannot work on lab"),
+        ("recording: lab/recording.mcap, set: {trackers.sort.foo: 5}", "0.set.trackers.sort.foo: unknown key"),
+        ("recording: lab/recording.mcap, set: {trackers: {sort: {gate: far}}}", "0.set.trackers.sort.gate"),
+        (
+            "recording: lab/recording.mcap, set: {trackers.sorts.gate: 5}",
+            "set.trackers.sorts.gate: there is no tracker",
+        ),
+        ("recording: lab/recording.mcap, set: {duration_s: 5}", "set.duration_s: changes nothing of a recording"),
+        ("recording: lab/recording.mcap, set: {prior.learned.a: gone.npz}", "gone.npz"),
+        (
+            "recording: lab/recording.mcap, trackers: [own], set: {trackers.own.preset: 'os:system'}",
+            "0.set.trackers.own.preset: 'os:system' is a class, and a file names no code",
+        ),
+        (
+            "recording: lab/recording.mcap, set: {trackers.sort.scheduler: 'tcp://there:1'}",
+            "0.set.trackers.sort.scheduler: 'tcp://there:1' is a Dask scheduler",
+        ),
     ],
 )
 def test_what_cannot_be_tracked_is_refused_before_anything_runs(bags: Path, entry: str, said: str) -> None:
@@ -137,6 +153,64 @@ def test_what_cannot_be_tracked_is_refused_before_anything_runs(bags: Path, entr
         expand(suite, path)
     assert said in str(refused.value)
     assert "recordings.0" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("set: {trackers.sort.foo: 5}\n", "set.trackers.sort.foo: unknown key"),
+        ("set: {people.a: null}\n", "set.people.a: changes nothing of a recording"),
+        ("seeds: 3\n", "seeds: changes nothing, as every case is a recording"),
+    ],
+)
+def test_a_key_of_the_suite_has_an_effect_on_its_recordings_or_is_refused(bags: Path, more: str, said: str) -> None:
+    done = CliRunner().invoke(app, ["check", str(_suite(bags, "recording: lab/recording.mcap", more=more))])
+    assert done.exit_code == 2 or isinstance(done.exception, InputError)
+    assert said in str(done.exception)
+
+
+def test_settings_of_trackers_stand_in_the_suite_and_make_other_cases(bags: Path, tmp_path: Path) -> None:
+    """Settings have the effect of `--set`, are part of what a case is made from, and are known by a baseline."""
+    entry, base = f"recording: {bags / 'lab/recording.mcap'}", str(tmp_path / "base.json")
+    changed = "trackers.sort: {radius_m: 0.01}"
+
+    def cases_of(*entries: str, more: str = "", changes: tuple[str, ...] = ()) -> list[Case]:
+        suite, path = load_suite(_suite(tmp_path, *entries, more=more))
+        return expand(suite, path, changes)
+
+    (plain,) = cases_of(entry)
+    (by_suite,) = cases_of(entry, more=f"set: {{{changed}}}\n")
+    (by_entry,) = cases_of(f"{entry}, set: {{{changed}}}", more="set: {trackers.sort.radius_m: 2}\n")
+    (typed,) = cases_of(entry, changes=(f"trackers.sort={changed.partition(': ')[2]}",))
+    (named,) = cases_of(f"{entry}, trackers: [late], set: {{trackers.late: {{preset: sort, radius_m: 0.01}}}}")
+    assert plain.overrides == () and by_suite.overrides == ('trackers.sort={"radius_m": 0.01}',)
+    assert by_suite.provenance.changed(plain.provenance) == ["tracker"]
+    assert by_suite.provenance == typed.provenance == by_entry.provenance == named.provenance
+    assert len({each.id for each in (plain, by_suite, by_entry, named)}) == 4 and typed.id == plain.id
+
+    made = _run(_suite(tmp_path, entry), tmp_path / "a", "--baseline", base, "--update-baseline")
+    assert made.exit_code == 0, made.output
+    other = _run(_suite(tmp_path, f"{entry}, set: {{{changed}}}"), tmp_path / "b")
+    assert other.exit_code == 0, other.output
+    rows = [json.loads((tmp_path / f"{out}/summary.json").read_text())["groups"][0] for out in "ab"]
+    assert rows[1]["metrics"]["misses"]["mean"] > rows[0]["metrics"]["misses"]["mean"]
+    again = _run(_suite(tmp_path, entry, more=f"set: {{{changed}}}\n"), tmp_path / "c", "--baseline", base)
+    assert "nothing could be compared" in str(again.exception)
+
+
+def test_a_number_added_to_each_seed_is_added_to_those_of_recordings(bags: Path) -> None:
+    suite, _ = load_suite(_suite(bags, "recording: lab/recording.mcap, seeds: [3, 5]"))
+    assert suite.with_seed_offset(1000).recordings[0].seeds == (1003, 1005)
+
+
+def test_a_setting_of_the_suite_that_nothing_follows_is_told(bags: Path) -> None:
+    more = "set: {duration_s: 3, trackers.laser-imm.coast_s: 1}\nscenarios: [{scenario: lab-five-people}]\n"
+    suite, _ = load_suite(_suite(bags, "recording: bare.mcap, set: {trackers.laser-legs: {}}", more=more))
+    assert idle_settings(suite) == [
+        "set.trackers.laser-imm: changes nothing, as laser-imm is not run, but sort",
+        "recordings.0.set.trackers.laser-legs: changes nothing, as laser-legs is not run, but sort",
+        "set.duration_s: changes the scenarios alone; recordings are tracked as they are",
+    ]
 
 
 def test_case_is_another_one_once_its_bag_has_changed(bags: Path, tmp_path: Path) -> None:
