@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import reduce
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -46,6 +47,21 @@ def leaves(options, above=()):
             yield from leaves(value, (*above, name))
         else:
             yield (*above, name), value
+
+
+def test_a_former_name_overrides_what_a_preset_sets_by_the_current_one():
+    n_overridden = 0
+    for name, preset in PRESETS.items():
+        made = make_tracker(name, rig_of(name))
+        for former, current in getattr(made.Options, "former_names", {}).items():
+            value = preset.options
+            for part in current.split("."):
+                value = value.get(part) if isinstance(value, Mapping) else None
+            if value is not None:
+                given = reduce(lambda inner, part: {part: inner}, reversed(former.split(".")), value)
+                assert make_tracker(name, rig_of(name), options=given).options == made.options, former
+                n_overridden += 1
+    assert n_overridden > 20
 
 
 def test_no_two_presets_are_the_same_or_told_of_alike():
