@@ -23,10 +23,10 @@ from rosbags.typesys import Stores, get_typestore
 from benchmarks.figure import Figure
 from trackers.errors import InputError
 from trackers.rig import Rig
-from twin.recording.bag import open_bag
-from twin.recording.message_types import TYPESTORE
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, STRING, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import LASER_SCAN, STRING, time_message
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording

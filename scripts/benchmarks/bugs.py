@@ -435,11 +435,11 @@ _BY_FILE = {
             "Box(_A, _B, _C, _E, _D, int(_F[_A]), _A in _G)",
         ),
     ],
-    "twin/recording/ros_messages.py": [
+    "twin/recording/ros/ros_messages.py": [
         ("blue for red", "_encode_image", "cv2.cvtColor(_A, cv2.COLOR_RGB2BGR)", "_A"),
         ("sweep a beam too long", "_scan", "max(_A - 1, 0)", "_A"),
     ],
-    "twin/recording/depth_images.py": [
+    "twin/recording/ros/depth_images.py": [
         ("millimetres cut off", "encode_png", "np.rint", "np.floor"),
     ],
     "twin/recording/reader.py": [

@@ -305,8 +305,8 @@ def moving_robot(folder: Path) -> str:
 
 
 _MOVED = {
-    "twin.recording.messages": "twin.recording.ros_messages",
-    "twin.recording.depth_picture": "twin.recording.depth_images",
+    "twin.recording.messages": "twin.recording.ros.ros_messages",
+    "twin.recording.depth_picture": "twin.recording.ros.depth_images",
 }
 """Modules that a case's script names as they were called when it was written, and as they are called today."""
 

@@ -25,7 +25,7 @@ from trackers.former_options import members_of
 from twin import cli
 from twin.command_options import WrongNumber
 from twin.commands.memory import describe_lack
-from twin.recording import bag_files
+from twin.recording.bags import bag_files
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
 

@@ -238,7 +238,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
 
     from trackers.rig import Rig
     from twin.console import print_warnings
-    from twin.recording.rig_guess import undecided_lines
+    from twin.recording.rig_of_bag.rig_guess import undecided_lines
     from twin.run.feed import unfit_scanners
     from twin.run.inputs import TrustedClasses
     from twin.scenario import load_scenario

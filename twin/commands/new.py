@@ -238,7 +238,7 @@ def rig(
 ) -> None:
     """Write a rig.yaml of a bag's sensors: topics, lenses and poses that its messages tell, the rest marked."""
     from twin.console import print_warning
-    from twin.recording.rig_guess import describe_rig
+    from twin.recording.rig_of_bag.rig_guess import describe_rig
 
     text, undecided = describe_rig(recording, frame)
     _write("rig", text, out, ".yaml")

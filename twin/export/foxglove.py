@@ -17,11 +17,11 @@ import numpy as np
 from trackers.observations import LaserScan
 from trackers.tracks import Track, TrackFrame
 from twin.export.pictures import TRACK_NUMBERS, Recorded
-from twin.recording import topics
-from twin.recording.bag_files import McapFile
-from twin.recording.message_types import TYPESTORE, Header, PointCloud2, PointField
+from twin.recording.bags.bag_files import McapFile
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import time_message
+from twin.recording.ros import topics
+from twin.recording.ros.message_types import TYPESTORE, Header, PointCloud2, PointField
+from twin.recording.ros.ros_messages import time_message
 from twin.recording.tables import TrackTable
 from twin.recording.track_topics import copy_with_tracks, markers_topic, track_topics
 from twin.recording.writer import write_outline

@@ -29,8 +29,8 @@ from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
 from twin.export.pictures import ExportedPicture, Recorded, pictures
 from twin.people.body.head import EYES
-from twin.recording import topics
-from twin.recording.bag import open_bag
+from twin.recording.bags.bag import open_bag
+from twin.recording.ros import topics
 from twin.recording.truth_tables import decode_boxes
 from twin.truth.truth_types import Box, PersonTruth, TruthFrame
 from twin.truth.visibility import person_boxes

@@ -28,12 +28,12 @@ from trackers.rig import CameraSensor, Rig
 from trackers.text_file import AnyPath, as_path, read_text
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning, printable_name
-from twin.recording import topics
-from twin.recording.bag import Copies, decoded, open_bag
-from twin.recording.colour_images import check_picture, decode_compressed, decode_raw
-from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
+from twin.recording.bags.bag import Copies, decoded, open_bag
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import COMPRESSED_IMAGE, STRING
+from twin.recording.ros import topics
+from twin.recording.ros.colour_images import check_picture, decode_compressed, decode_raw
+from twin.recording.ros.depth_images import PNG_FORMAT, decode_depth, encode_png
+from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, STRING
 from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, TruthTable, read_tracks, seconds_cell
 from twin.recording.truth_tables import ABOUT, read_own_truth, truth_frames
 from twin.run.inputs import scenario_of

@@ -15,13 +15,13 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig
-from twin.recording.bag import Copies, Topic, decoded, open_bag
-from twin.recording.depth_images import DepthPairs, decode_depth, match_images
-from twin.recording.message_types import TRANSFORM_MESSAGES
-from twin.recording.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
-from twin.recording.scan_messages import TurnJoiner
+from twin.recording.bags.bag import Copies, Topic, decoded, open_bag
+from twin.recording.rig_of_bag.sensor_topics import LeftOut, SensorTopics, poses_of
+from twin.recording.ros.depth_images import DepthPairs, decode_depth, match_images
+from twin.recording.ros.message_types import TRANSFORM_MESSAGES
+from twin.recording.ros.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
+from twin.recording.ros.scan_messages import TurnJoiner
 from twin.recording.sensor_clock import MessageTimes
-from twin.recording.sensor_topics import LeftOut, SensorTopics, poses_of
 
 NumberedMessage = tuple[str, int, bytes, bool]
 """Topic, number on it, encoded message, is_ros1."""

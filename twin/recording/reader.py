@@ -15,16 +15,13 @@ from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath, as_path
-from twin.recording import topics
-from twin.recording.bag import Bag, Topic, open_bag
+from twin.recording.bags.bag import Bag, Topic, open_bag
 from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correct_clocks
 from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
-from twin.recording.rig_checks import compare_lenses, compare_poses, motion_warnings, with_intrinsics
-from twin.recording.rig_guess import guess_rig, undecided_lines
-from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, STRING
-from twin.recording.sensor_clock import MessageTimes, Unwound, all_pause, first_frame, read_times
-from twin.recording.sensor_topics import (
+from twin.recording.rig_of_bag.rig_checks import compare_lenses, compare_poses, motion_warnings, with_intrinsics
+from twin.recording.rig_of_bag.rig_guess import guess_rig, undecided_lines
+from twin.recording.rig_of_bag.sensor_topics import (
     LeftOut,
     SensorTopics,
     absent_messages,
@@ -37,8 +34,11 @@ from twin.recording.sensor_topics import (
     unusable_poses,
     unused_topics,
 )
+from twin.recording.rig_of_bag.transforms import TransformTree, read_poses
+from twin.recording.ros import topics
+from twin.recording.ros.ros_messages import LASER_SCAN, MSGTYPES, STRING
+from twin.recording.sensor_clock import MessageTimes, Unwound, all_pause, first_frame, read_times
 from twin.recording.situation_table import decode_situation
-from twin.recording.transforms import TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
 from twin.truth.truth_types import Situation, TruthFrame
 

@@ -13,9 +13,9 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
-from twin.recording.bag import Bag, Copies, header_of
-from twin.recording.ros_messages import LASER_SCAN
-from twin.recording.scan_messages import beams_of, copies_restamped, turns
+from twin.recording.bags.bag import Bag, Copies, header_of
+from twin.recording.ros.ros_messages import LASER_SCAN
+from twin.recording.ros.scan_messages import beams_of, copies_restamped, turns
 
 _FEW = 3
 _MOST_FRAMES = 20

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.ros_messages import string_message
+from twin.recording.ros.ros_messages import string_message
 from twin.recording.tables import number_cell, seconds_cell
 from twin.tables.columns import read_csv_columns
 from twin.truth.truth_types import Separation, Situation, SituationKind

@@ -18,11 +18,11 @@ from rosbags.typesys.store import Typestore
 from trackers.errors import InputError
 from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
-from twin.recording import topics
 from twin.recording.atomic_file import check_writable
-from twin.recording.bag_files import McapFile
-from twin.recording.message_types import TYPESTORE, TFMessage, normal_type
-from twin.recording.ros_messages import STRING, json_object, rows_message, string_message
+from twin.recording.bags.bag_files import McapFile
+from twin.recording.ros import topics
+from twin.recording.ros.message_types import TYPESTORE, TFMessage, normal_type
+from twin.recording.ros.ros_messages import STRING, json_object, rows_message, string_message
 from twin.recording.tables import TRACK_COLUMNS, FrameText, TruthTable, track_cells
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, truth_frames
@@ -111,7 +111,7 @@ def copy_with_tracks(
     the bag already holds are left out, and its own truth where `truth` takes its place. Raises InputError for a damaged bag
     and for a target that cannot be written.
     """
-    from twin.recording.bag import open_bag
+    from twin.recording.bags.bag import open_bag
     from twin.recording.sensor_clock import Unwound
 
     own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
@@ -173,7 +173,7 @@ def check_copy(source: Path, target: Path) -> None:
 
 def _is_copy(path: Path) -> bool:
     """Return True for a bag with topics of tracks, as an earlier run leaves it."""
-    from twin.recording.bag import open_bag
+    from twin.recording.bags.bag import open_bag
 
     try:
         with open_bag(path) as bag:
@@ -208,8 +208,8 @@ def _as_ros2(bag: McapFile, connection: Connection, store: Typestore) -> tuple[C
 
 def _write_start(bag: McapFile, recording: Recording) -> None:
     """Write the stamp of t = 0, and the transforms of the sensors' frames to the room's."""
-    from twin.recording.bag import open_bag
-    from twin.recording.transforms import TransformTree
+    from twin.recording.bags.bag import open_bag
+    from twin.recording.rig_of_bag.transforms import TransformTree
 
     log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
     bag.connect(START, STRING, latched(depth=1))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
-from twin.recording.message_types import (
+from twin.recording.ros.message_types import (
     TYPESTORE,
     ColorRGBA as Color,
     CompressedImage,
@@ -28,9 +28,9 @@ from twin.recording.message_types import (
     Quaternion,
     Vector3,
 )
-from twin.recording.ros_messages import json_object, rows_message, time_message
+from twin.recording.ros.ros_messages import json_object, rows_message, time_message
+from twin.recording.ros.topics import ROOM_FRAME
 from twin.recording.tables import TRUTH_COLUMNS, TRUTH_NUMBERS, FrameText, person_columns, person_of
-from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
 from twin.truth.truth_types import PersonTruth, TruthFrame
 

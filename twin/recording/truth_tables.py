@@ -34,9 +34,9 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
-from twin.recording import topics
 from twin.recording.atomic_file import open_atomic, write_atomic
-from twin.recording.ros_messages import json_object, rows_message
+from twin.recording.ros import topics
+from twin.recording.ros.ros_messages import json_object, rows_message
 from twin.recording.situation_table import SITUATION_COLUMNS, encode_situation, situation_line
 from twin.recording.tables import (
     FOOT_NUMBERS,

@@ -15,9 +15,9 @@ from trackers.area import quaternion_of
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Observation, Odometry
 from trackers.rig import CameraSensor, OdometrySensor, Rig, RigSensor, StereoSensor
-from twin.recording import topics
-from twin.recording.bag_files import McapFile
-from twin.recording.message_types import (
+from twin.recording.bags.bag_files import McapFile
+from twin.recording.ros import topics
+from twin.recording.ros.message_types import (
     TYPESTORE,
     CameraInfo,
     Header,
@@ -29,7 +29,7 @@ from twin.recording.message_types import (
     TransformStamped,
     Vector3,
 )
-from twin.recording.ros_messages import COMPRESSED_IMAGE, MSGTYPES, STRING, Encoded, time_message
+from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, MSGTYPES, STRING, Encoded, time_message
 from twin.recording.tables import FrameText
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet

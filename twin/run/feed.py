@@ -30,7 +30,7 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
 from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
-from twin.recording.scan_messages import RangeUnits, StandingScanners
+from twin.recording.ros.scan_messages import RangeUnits, StandingScanners
 from twin.recording.tables import number_cell, seconds_cell
 from twin.report.birdseye import Site
 from twin.report.floor_panel import PreviewFrame, TruePoses

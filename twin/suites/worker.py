@@ -27,9 +27,9 @@ from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
 from twin.messages import OnWarning, no_warning
 from twin.people.poses import PopulationMotion
-from twin.recording.bag import open_bag
+from twin.recording.bags.bag import open_bag
+from twin.recording.ros.topics import SCAN, sensor_topic
 from twin.recording.tables import read_tracks, read_truth
-from twin.recording.topics import SCAN, sensor_topic
 from twin.report.timeline import describe_event
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording

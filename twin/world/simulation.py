@@ -25,7 +25,7 @@ from twin.people.script.recorded import (
     describe_late_actions,
     describe_speeds,
 )
-from twin.recording.ros_messages import Encoded, encode
+from twin.recording.ros.ros_messages import Encoded, encode
 from twin.room.building import check_mounts
 from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario

@@ -15,9 +15,9 @@ from benchmarks.fuzz.direct import made_up
 from trackers.environment import PointCloud, build_environment, save_environment
 from trackers.observations import LaserScan
 from twin.models import MODELS
-from twin.recording.bag import open_bag
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import time_message
+from twin.recording.ros.ros_messages import time_message
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache

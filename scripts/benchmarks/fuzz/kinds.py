@@ -33,8 +33,8 @@ from benchmarks.fuzz.values import (
 )
 from trackers.environment.build import _fingerprint
 from twin.models import MODELS
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
+from twin.recording.ros.message_types import TYPESTORE
 
 Make = Callable[[Inputs, Random, Path], Mutant]
 

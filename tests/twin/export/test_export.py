@@ -19,9 +19,9 @@ from twin.cli import app
 from twin.export.coco import run_lengths
 from twin.export.labels import KEYPOINTS
 from twin.export.pictures import open_recorded
-from twin.recording.bag import open_bag
-from twin.recording.message_types import TYPESTORE
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
+from twin.recording.ros.message_types import TYPESTORE
 from twin.recording.tables import read_tracks, read_truth
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
@@ -474,8 +474,8 @@ def test_own_truth_where_it_has_no_effect_is_refused(
 
 
 def _without_truth(source: Path, target: Path) -> None:
-    from twin.recording.bag import open_bag
-    from twin.recording.bag_files import McapFile
+    from twin.recording.bags.bag import open_bag
+    from twin.recording.bags.bag_files import McapFile
 
     with open_bag(source) as original, McapFile(target) as bag:
         kept = [

@@ -1,8 +1,8 @@
 """An observation from its message."""
 
 from trackers.observations import Observation
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import from_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import from_message
 
 
 def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:

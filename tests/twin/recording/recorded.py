@@ -10,8 +10,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import encode
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import encode
 from twin.truth.truth_types import PersonTruth, TruthFrame
 
 MS = 1_000_000

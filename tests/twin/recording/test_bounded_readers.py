@@ -19,11 +19,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
 from trackers.text_file import NO_LIMITS
-from twin.recording import bounded_readers
-from twin.recording.bag import open_bag
-from twin.recording.bounded_readers import zstd, zstd_bound
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import STRING
+from twin.recording.bags import bounded_readers
+from twin.recording.bags.bag import open_bag
+from twin.recording.bags.bounded_readers import zstd, zstd_bound
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import STRING
 
 LONG = 2**20
 ROS1 = get_typestore(Stores.ROS1_NOETIC)

@@ -19,9 +19,9 @@ from trackers.feeding import LATE
 from trackers.rig import LaserSensor, Rig
 from trackers.tracks import Track, TrackFrame
 from twin.recording.losses import dropped_by, lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, encode, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import LASER_SCAN, encode, time_message
 from twin.recording.tables import read_tracks, read_truth
 from twin.recording.track_topics import copy_with_tracks
 from twin.run.replay import track_recording

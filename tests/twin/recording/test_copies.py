@@ -17,9 +17,9 @@ from trackers.observations import Observation
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.export.pictures import open_recorded, pictures
 from twin.recording.losses import lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, encode, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, encode, time_message
 from twin.recording.writer import TF_MESSAGE, transform_message
 
 STAMPS = [EPOCH_NS + k * 100 * MS for k in range(60)]

@@ -24,11 +24,11 @@ from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
-from twin.recording.bag import open_bag
-from twin.recording.depth_images import DepthPairs, decode_depth, decode_rvl, match_images
-from twin.recording.message_types import TYPESTORE
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import COMPRESSED_IMAGE, RAW_IMAGE, encode, time_message
+from twin.recording.ros.depth_images import DepthPairs, decode_depth, decode_rvl, match_images
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, RAW_IMAGE, encode, time_message
 from twin.recording.writer import BagWriter
 
 LENS = PinholeIntrinsics(width=48, height=32, fx=40, fy=41, cx=23.5, cy=15.5)

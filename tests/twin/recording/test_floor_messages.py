@@ -12,9 +12,9 @@ from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawIma
 from trackers.errors import InputError
 from trackers.observations import FloorFrame, ForceCurve, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import RAW_IMAGE, encode, from_message, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import RAW_IMAGE, encode, from_message, time_message
 from twin.recording.writer import BagWriter
 from twin.sensors.floor_electronics import LoadFrame
 

@@ -28,11 +28,11 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, Rig
-from twin.recording.bag import open_bag
+from twin.recording.bags.bag import open_bag
 from twin.recording.losses import ObservationLog, crowded, lines, missing
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, encode, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import LASER_SCAN, encode, time_message
 from twin.recording.track_topics import START
 from twin.run.replay import track_recording
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from twin.recording.message_types import TYPESTORE, typestore
+from twin.recording.ros.message_types import TYPESTORE, typestore
 
 HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
 

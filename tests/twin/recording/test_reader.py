@@ -23,10 +23,10 @@ from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.losses import lines
-from twin.recording.message_types import typestore
 from twin.recording.reader import Recording
-from twin.recording.rig_guess import describe_rig
-from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
+from twin.recording.rig_of_bag.rig_guess import describe_rig
+from twin.recording.ros.message_types import typestore
+from twin.recording.ros.ros_messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.tables import FrameText
 from twin.recording.writer import BagWriter
 from twin.truth.truth_types import TruthFrame

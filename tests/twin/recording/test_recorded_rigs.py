@@ -18,10 +18,10 @@ from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, Rig
 from twin.recording.losses import lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.rig_guess import describe_rig
-from twin.recording.ros_messages import COMPRESSED_IMAGE, encode
+from twin.recording.rig_of_bag.rig_guess import describe_rig
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, encode
 from twin.recording.writer import CAMERA_INFO
 
 T = TYPESTORE.types

@@ -18,10 +18,10 @@ from trackers.observations import Image, Odometry
 from trackers.rig import LaserSensor, OdometrySensor, PinholeSensor, Pose, Rig
 from twin.cli import app
 from twin.recording.losses import lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.rig_guess import describe_rig
-from twin.recording.ros_messages import ODOMETRY, encode
+from twin.recording.rig_of_bag.rig_guess import describe_rig
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import ODOMETRY, encode
 
 T = TYPESTORE.types
 STAMPS_NS = [EPOCH_NS + k * 100 * MS for k in range(20)]

@@ -21,8 +21,8 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.errors import InputError
 from trackers.observations import MOST_BEAMS, Image, LaserScan
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import LASER_SCAN, encode, from_message, time_message
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import LASER_SCAN, encode, from_message, time_message
 
 HEADER = Header(time_message(7), "camera")
 
@@ -188,7 +188,7 @@ def test_a_scan_without_a_range_of_ranges_is_refused():
 def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from twin.recording.colour_images import picture_size
+    from twin.recording.ros.colour_images import picture_size
 
     data = cv2.imencode(ending, np.zeros((7, 9, 3), np.uint8))[1].ravel()
     assert picture_size(bytes(data)) == (9, 7)
@@ -210,7 +210,7 @@ def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     [(".bmp", (), 0), (".webp", (cv2.IMWRITE_WEBP_QUALITY, 101), 0), (".webp", (cv2.IMWRITE_WEBP_QUALITY, 99), 6)],
 )
 def test_every_compression_that_is_read_has_its_size_in_the_header(ending, flags, most_off) -> None:
-    from twin.recording.colour_images import picture_size
+    from twin.recording.ros.colour_images import picture_size
 
     rgb = np.add.outer(np.arange(12), np.arange(18))[..., None].astype(np.uint8) * np.array([3, 5, 2], np.uint8)
     data = cv2.imencode(ending, rgb[..., ::-1], flags)[1].ravel()
@@ -221,7 +221,7 @@ def test_every_compression_that_is_read_has_its_size_in_the_header(ending, flags
 
 
 def test_a_bmp_of_the_oldest_header_and_one_from_the_top_have_their_sizes() -> None:
-    from twin.recording.colour_images import picture_size
+    from twin.recording.ros.colour_images import picture_size
 
     oldest = b"BM" + bytes(12) + struct.pack("<IHHHH", 12, 640, 480, 1, 24) + bytes(40)
     from_top = b"BM" + bytes(12) + struct.pack("<Iii", 40, 640, -480) + bytes(40)

@@ -14,10 +14,10 @@ from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.recording.decoding import with_limits
 from twin.recording.losses import lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.scan_messages import RangeUnits, StandingScanners, joined, turns
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import LASER_SCAN, encode, time_message
+from twin.recording.ros.scan_messages import RangeUnits, StandingScanners, joined, turns
 from twin.run.feed import write_detections
 
 MS = 10**6

@@ -11,10 +11,10 @@ import pytest
 
 from trackers.errors import InputError
 from trackers.tracks import Status, Track, TrackFrame
-from twin.recording.bag import open_bag
-from twin.recording.message_types import TYPESTORE
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import STRING
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import STRING
 from twin.recording.tables import TRACK_COLUMNS, read_tracks
 from twin.recording.track_topics import TrackTopics, encode_tracks, track_topics
 from twin.recording.truth_messages import MARKER_ARRAY

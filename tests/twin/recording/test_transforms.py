@@ -20,10 +20,10 @@ from trackers.errors import InputError
 from trackers.observations import Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.recording.losses import lines
-from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import ODOMETRY, encode
-from twin.recording.transforms import Edge, TransformTree
+from twin.recording.rig_of_bag.transforms import Edge, TransformTree
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import ODOMETRY, encode
 from twin.recording.writer import CAMERA_INFO, TF_MESSAGE, _camera_info, transform_message
 
 STAMPS = [EPOCH_NS + k * 50 * MS for k in range(40)]

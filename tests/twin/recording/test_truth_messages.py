@@ -9,8 +9,8 @@ import pytest
 from recorded import a_truth
 
 from trackers.errors import InputError
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import STRING
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import STRING
 from twin.recording.tables import FrameText
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, decode_people, encode_people
 from twin.truth.truth_types import PersonTruth, TruthFrame

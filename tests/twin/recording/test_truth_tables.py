@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import STRING
+from twin.recording.ros.message_types import TYPESTORE
+from twin.recording.ros.ros_messages import STRING
 from twin.recording.situation_table import decode_situation, read_situations, situation_table
 from twin.recording.truth_tables import (
     DETAIL_FILES,

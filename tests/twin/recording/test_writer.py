@@ -14,7 +14,7 @@ from rosbags.interfaces import QosDurability
 from scipy.spatial.transform import Rotation
 
 from trackers.errors import InputError
-from twin.recording.ros_messages import encode
+from twin.recording.ros.ros_messages import encode
 from twin.recording.tables import FrameText
 from twin.recording.writer import BagWriter
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.twin.recording.recorded import MS, a_scan, write_ros2_bag
-from twin.recording.ros_messages import encode
+from twin.recording.ros.ros_messages import encode
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario

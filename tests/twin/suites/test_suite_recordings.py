@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.cli import app
-from twin.recording.bag import open_bag
-from twin.recording.bag_files import McapFile
+from twin.recording.bags.bag import open_bag
+from twin.recording.bags.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario

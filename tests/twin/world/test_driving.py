@@ -10,9 +10,9 @@ import pytest
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import LaserScan, Odometry
-from twin.recording.bag import open_bag
+from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
-from twin.recording.transforms import TransformTree
+from twin.recording.rig_of_bag.transforms import TransformTree
 from twin.run.live import run_scenario
 from twin.scenario import Scenario
 from twin.sensors.odometry import OdometryDescription

@@ -31,8 +31,8 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from trackers.errors import InputError
 from trackers.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
-from twin.recording.bag_damage import MCAP_MAGIC
-from twin.recording.bag_files import readable_metadata
+from twin.recording.bags.bag_damage import MCAP_MAGIC
+from twin.recording.bags.bag_files import readable_metadata
 
 if sys.version_info >= (3, 14):
     from compression import zstd

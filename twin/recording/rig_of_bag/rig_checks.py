@@ -14,10 +14,10 @@ from trackers.arrays import Array
 from trackers.cameras import FisheyeIntrinsics, Intrinsics, PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.rig import CameraSensor, Pose, Rig, normal_topic
-from twin.recording.bag import Bag
+from twin.recording.bags.bag import Bag
 from twin.recording.losses import Loss
+from twin.recording.rig_of_bag.transforms import Poses, PoseTopic, TransformTree
 from twin.recording.sensor_clock import topic_of_frame
-from twin.recording.transforms import Poses, PoseTopic, TransformTree
 
 _TYPE = "sensor_msgs/msg/CameraInfo"
 _TRANSPORTS = ("compressed", "compressedDepth")

@@ -28,12 +28,12 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import normal_topic
 from trackers.text_file import refuse_unless_lifted
-from twin.recording.bag_damage import describe_damage, reason_unreadable
-from twin.recording.bag_files import BagPath
-from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
+from twin.recording.bags.bag_damage import describe_damage, reason_unreadable
+from twin.recording.bags.bag_files import BagPath
+from twin.recording.bags.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.losses import Loss
-from twin.recording.message_types import TRANSFORM_MESSAGES, normal_type, typestore
-from twin.recording.scan_messages import CDR_BYTES
+from twin.recording.ros.message_types import TRANSFORM_MESSAGES, normal_type, typestore
+from twin.recording.ros.scan_messages import CDR_BYTES
 
 if sys.version_info >= (3, 14):
     from compression import zstd

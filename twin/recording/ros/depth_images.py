@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Index, Nanoseconds, Singles
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
-from twin.recording.colour_images import check_picture, check_size, picture_size
+from twin.recording.ros.colour_images import check_picture, check_size, picture_size
 
 PNG_FORMAT = "16UC1; png compressed "
 """Format that image_transport writes into a CompressedImage of depth as PNG, with its trailing space."""

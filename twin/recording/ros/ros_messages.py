@@ -21,10 +21,10 @@ from trackers.area import quaternion_of, rotation_of
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import CameraSensor, FloorSensor, RigSensor
-from twin.recording import topics
-from twin.recording.colour_images import decode_compressed, decode_raw, raw_pixels
-from twin.recording.depth_images import PNG_FORMAT, encode_png
-from twin.recording.message_types import (
+from twin.recording.ros import topics
+from twin.recording.ros.colour_images import decode_compressed, decode_raw, raw_pixels
+from twin.recording.ros.depth_images import PNG_FORMAT, encode_png
+from twin.recording.ros.message_types import (
     TYPESTORE,
     CompressedImage,
     Header,
@@ -112,7 +112,7 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
     """Convert a ROS 1 or ROS 2 message to an observation: LaserScan, CompressedImage, Image, or Odometry.
 
-    An Image's encoding is one of `twin.recording.colour_images.CHANNELS`.
+    An Image's encoding is one of `twin.recording.ros.colour_images.CHANNELS`.
 
     `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of any other an Image. `offset_ns` is added
     to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN (REP

@@ -13,12 +13,12 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Odometry
 from trackers.rig import OdometrySensor, Rig, RigSensor, StereoSensor, normal_topic
-from twin.recording.bag import Topic
-from twin.recording.depth_images import DepthPairs, tolerance_ns
+from twin.recording.bags.bag import Topic
 from twin.recording.losses import Loss, crowded, missing, pose_jumps
-from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, PICTURES
+from twin.recording.rig_of_bag.transforms import Edge, Poses, PoseTopic, TransformTree
+from twin.recording.ros.depth_images import DepthPairs, tolerance_ns
+from twin.recording.ros.ros_messages import LASER_SCAN, MSGTYPES, PICTURES
 from twin.recording.sensor_clock import MessageTimes
-from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree
 
 _BACKGROUND = "/background/"
 _FEW = 3

@@ -26,8 +26,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer, metadata, storage_mcap, stora
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from twin.recording.atomic_file import unwritable
-from twin.recording.bag_damage import MCAP_MAGIC
-from twin.recording.message_types import typestore
+from twin.recording.bags.bag_damage import MCAP_MAGIC
+from twin.recording.ros.message_types import typestore
 
 _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""

@@ -12,14 +12,14 @@ import numpy as np
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
 from trackers.text_file import AnyPath, read_text
-from twin.recording import topics as names
-from twin.recording.bag import Bag, Topic, decoded, open_bag
+from twin.recording.bags.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
-from twin.recording.rig_checks import kind_of_lens, with_intrinsics
-from twin.recording.ros_messages import LASER_SCAN, ODOMETRY, PICTURES, RAW_IMAGE
+from twin.recording.rig_of_bag.rig_checks import kind_of_lens, with_intrinsics
+from twin.recording.rig_of_bag.sensor_topics import absent, conversion, topics_of
+from twin.recording.rig_of_bag.transforms import Edge, PoseTopic, TransformTree, read_poses
+from twin.recording.ros import topics as names
+from twin.recording.ros.ros_messages import LASER_SCAN, ODOMETRY, PICTURES, RAW_IMAGE
 from twin.recording.sensor_clock import first_frame
-from twin.recording.sensor_topics import absent, conversion, topics_of
-from twin.recording.transforms import Edge, PoseTopic, TransformTree, read_poses
 
 
 def guess_rig(

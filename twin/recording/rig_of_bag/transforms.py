@@ -19,10 +19,10 @@ from trackers.area import displacement
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.bag import Bag, decoded
-from twin.recording.message_types import TRANSFORM_MESSAGES
-from twin.recording.ros_messages import ODOMETRY, matrix_of, stamp_of
-from twin.recording.topics import TF_STATIC
+from twin.recording.bags.bag import Bag, decoded
+from twin.recording.ros.message_types import TRANSFORM_MESSAGES
+from twin.recording.ros.ros_messages import ODOMETRY, matrix_of, stamp_of
+from twin.recording.ros.topics import TF_STATIC
 
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 _OF_ANYTHING = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped")
