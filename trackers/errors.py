@@ -15,6 +15,10 @@ class InputError(ValueError):
     """
 
 
+_MOST_DIGITS = 17
+"""Digits that hold any float."""
+
+
 class LimitError(InputError):
     """Input larger than a limit that stands against mistakes and attacks, and can be lifted (see `text_file`)."""
 
@@ -28,6 +32,16 @@ class PlugInError(Exception):
 
     The command line prints it without a traceback and exits with code 1: the input was valid.
     """
+
+
+def text_near_bound(value: float, bound: float, spec: str = ".2f") -> str:
+    """Format a value by `spec`, with as many digits more as show on which side of a bound it is, itself written with `:g`."""
+    written, kind = float(f"{bound:g}"), spec[-1]
+    for digits in range(int(spec[1:-1]), _MOST_DIGITS):
+        text = f"{value:.{digits}{kind}}"
+        if (float(text) > written) == (value > bound) and (float(text) < written) == (value < bound):
+            return text
+    return repr(float(value))
 
 
 def raise_faults(faults: Iterable[str]) -> None:

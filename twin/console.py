@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from twin.messages import OnProgress, TrackerLog, printable, sentence
-from twin.report.metrics_table import METRICS, format_judged, format_value, metric_value
+from twin.report.metrics_table import METRICS, format_judged, format_value, judged_note, metric_value
 
 _SHOWN = (
     *("mota", "motp_m", "idf1", "hota", "gospa_m", "ospa_m", "id_switches", "misidentifications", "lost_tracks"),
@@ -140,6 +140,8 @@ def print_metrics(metrics: Mapping[str, Any]) -> None:
     console = PlainConsole()
     console.print(f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m")
     print_table(["", *trackers], rows)
+    if note := judged_note(trackers):
+        console.print(note, soft_wrap=True)
     console.print(f"{metrics['realtime_factor']:.1f} × real time")
 
 

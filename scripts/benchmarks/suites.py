@@ -20,9 +20,11 @@ from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import whole_code
 from twin.suites.cluster import ENVIRONMENT, Workers, open_cluster
-from twin.suites.comparison import Comparison, compare, describe_change, tolerances_of
+from twin.suites.comparison import Comparison, compare
 from twin.suites.dask_runner import ProgressListener, run_on
 from twin.suites.expansion import expand
+from twin.suites.filmstrip import describe_change
+from twin.suites.metrics import tolerances_of
 from twin.suites.result_files import read_results, read_store
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, SuiteScenario, load_suite

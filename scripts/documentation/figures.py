@@ -287,8 +287,7 @@ def _seeds(source: Mapping[str, Any], paths: Sequence[Path]) -> str:
 
 
 def _suite_figures(paths: Sequence[Path], source: Mapping[str, Any]) -> Iterator[Figure]:
-    from twin.suites.metrics import METRICS
-    from twin.suites.results import mean_over_seeds
+    from twin.suites.metrics import METRICS, mean_over_seeds
 
     for key, (variant, by_seed) in _groups(paths).items():
         where = f"{key.scenario}, {variant}" if variant else key.scenario

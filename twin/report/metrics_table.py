@@ -98,6 +98,8 @@ METRICS: Mapping[str, Metric] = {
 }
 """Every metric by its dotted path in a tracker's entry of `metrics.json`, those of the narrow gate first."""
 _NONE = "–"
+SUMMED_OVER_FRAMES = ("misses", "false_positives")
+"""Compared counts that grow with the number of evaluated frames; the other counts are of events in a recording."""
 HEADLINE_METRICS = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
 
 
@@ -142,6 +144,25 @@ def format_judged(tracker: Mapping[str, Any]) -> str:
         return _NONE
     share = "" if judged["share"] == 1 else f" ({judged['share']:.1%})"
     return f"{judged['frames']} of {judged['frames_total']} frames{share}, {judged['person_frames']} person-frames"
+
+
+def frames_note(person_frames: Mapping[str, float], where: str = "") -> str | None:
+    """Say that trackers, by name, are evaluated in different numbers of person-frames; None where they are not.
+
+    where: the scenario of these numbers, if one of several.
+    """
+    if len(set(person_frames.values())) < 2:
+        return None
+    each = ", ".join(f"{name} in {count:.0f}" for name, count in person_frames.items())
+    return (
+        f"the trackers are evaluated in different person-frames{where and f' ({where})'}: {each}; each is evaluated at the "
+        "stamps at which it reports, so compare misses and false positives per 1,000 person-frames, other counts per recording"
+    )
+
+
+def judged_note(trackers: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Return `frames_note` of the entries of `metrics.json` by tracker, of those that are evaluated."""
+    return frames_note({name: own["judged"]["person_frames"] for name, own in trackers.items() if own.get("judged")})
 
 
 def metric_value(tracker: Mapping[str, Any], metric: Metric) -> float | None:

@@ -20,7 +20,7 @@ from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import write_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Site
-from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows
+from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows, judged_note
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, data_uri, hex_colour, page_template
 from twin.report.path_map import ScanDensity, path_map
 from twin.report.sensor_stills import RunPictures
@@ -187,6 +187,7 @@ def write_report(
         groups=grouped_rows(metrics),
         timed=any(cost.get("ms_mean") is not None for cost in facts.sensors.values()),
         judged=[format_judged(own) for own in metrics],
+        judged_note=judged_note({each.name: own for each, own in zip(trackers, metrics, strict=True)}),
         sections=[
             _section(tracker, own, axis, site, truth, scans, silent)
             for tracker, own in zip(trackers, metrics, strict=True)

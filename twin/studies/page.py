@@ -24,7 +24,7 @@ from twin.studies.validation import moved_sensors
 from twin.studies.visibility import cell_size_m, looking_sensors
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
-from twin.suites.results import FEWEST
+from twin.suites.metrics import FEWEST
 
 study_template = partial(page_template, "twin.studies", "twin.reproduce")
 """Load a template of study pages, on the base that pages of results share."""

@@ -36,7 +36,7 @@ from twin.studies.visibility import (
     visited_cells,
 )
 from twin.suites.cache import RecordingCache
-from twin.suites.results import FEWEST
+from twin.suites.metrics import FEWEST
 
 _FLOOR_CELLS = 4000
 

@@ -18,7 +18,7 @@ from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage
 from twin.studies.spec import Objective, Study, scenario_key
 from twin.studies.trials import Trial, TrialRunner, placement_id
-from twin.suites.results import MeanOverSeeds, mean_over_seeds
+from twin.suites.metrics import MeanOverSeeds, mean_over_seeds
 
 DISPLACEMENTS = (("5 cm", 0.05, 0.0), ("2°", 0.0, 2.0))
 NOISE_M = 0.001

@@ -14,15 +14,20 @@ far they may differ. Doubled scanner noise shows in the scanner's own metrics; i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from twin.messages import counted
-from twin.suites.metrics import GATED, Tolerance, allowed_by_default, format_metric, metric_named, worsening
+from twin.suites.metrics import (
+    GATED,
+    GATED_SENSOR_METRICS,
+    PERSON_FRAMES,
+    tolerances_of,
+    worsening,
+)
 from twin.suites.permutation_test import (
     ALPHA,
     Collapse,
@@ -47,7 +52,7 @@ from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
 """Names of a group's scenario and tracker where several are judged together."""
-_NAMED_FIRST = ("hota", "idf1")
+_NAMED_FIRST = ("hota", "mota", "idf1")
 """Metrics that say most of a tracker; the others tell in what it changed."""
 
 
@@ -57,7 +62,8 @@ class Change:
 
     A group is of a tracker in a scenario, or of a scanner, which the key then names in the tracker's place.
 
-    p: probability that chance worsens any metric of the suite as much; p_better: the same for improvements. allowed:
+    p: probability that chance worsens any metric of the suite as much, but those that did more; p_better: the same for
+    improvements. allowed:
     tolerated worsening of the mean. worst_seed: seed of the largest worsening (None: over several groups, or missing).
     collapse: of one case, beyond any noise.
     """
@@ -108,7 +114,7 @@ class Comparison:
 
     @property
     def worse(self) -> list[Change]:
-        """Changes for the worse, tracker by tracker, the one that changed most first; HOTA and IDF1 first of each."""
+        """Changes for the worse: all scenarios together, then each; tracker by tracker, HOTA, MOTA and IDF1 first of each."""
         return _ordered([each for each in self.changes if each.worse])
 
     @property
@@ -168,18 +174,28 @@ def _missing_groups(before: Results, now: Results) -> Iterator[Change]:
 
 
 def _ordered(changes: Sequence[Change]) -> list[Change]:
-    """Order changes by tracker, then by the metric's weight, then by decreasing ratio to the tolerance."""
-    most: dict[str, float] = {}
-    for each in changes:
-        most[each.key.tracker] = max(most.get(each.key.tracker, 0.0), each.excess)
-    weight = {metric: place for place, metric in enumerate(_NAMED_FIRST)}
+    """Order changes by scenario, those over every one first, then by tracker, then by the metric's weight.
+
+    A change of every tracker together is left out where one tracker's of that metric, over every scenario, is among them: it
+    is for events too rare for a single tracker, and would mix that one with trackers that did not change.
+    """
+    pooled = {(each.metric, each.key.tracker) for each in changes if each.key.scenario == EVERY_SCENARIO}
+    single = {metric for metric, tracker in pooled if tracker != EVERY_TRACKER}
+    scenarios = {
+        key: place for place, key in enumerate(dict.fromkeys((c.key.scenario, c.key.overrides) for c in changes))
+    }
+    trackers = {name: place for place, name in enumerate(dict.fromkeys(each.key.tracker for each in changes))}
+    weight = {
+        metric: place for place, metric in enumerate(dict.fromkeys((*_NAMED_FIRST, *GATED, *GATED_SENSOR_METRICS)))
+    }
     return sorted(
-        changes,
+        [each for each in changes if each.key.tracker != EVERY_TRACKER or each.metric not in single],
         key=lambda each: (
-            -most[each.key.tracker],
-            each.key.tracker,
-            weight.get(each.metric, len(weight)),
-            -each.excess,
+            each.key.scenario != EVERY_SCENARIO,
+            scenarios[each.key.scenario, each.key.overrides],
+            each.key.tracker == EVERY_TRACKER,
+            trackers[each.key.tracker],
+            weight[each.metric],
         ),
     )
 
@@ -215,7 +231,8 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
     old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
     if old != new:
         yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
-    compared = {pair.key: len(pair.seeds) >= min_recordings() for pair in pairs}
+    # a drawn rig has its scanners elsewhere in each seed: the scenario's trackers say how many seeds are in common
+    compared = {pair.key: len(pair.seeds) >= min_recordings() for pair in pairs if pair.key in now.groups}
     few = [key for key, is_enough in compared.items() if not is_enough]
     if few:
         where = "every scenario" if len(few) == len(compared) else _names(few)
@@ -223,12 +240,39 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
             f"fewer than {min_recordings()} seeds are in common in {where}; there only a case that worsens beyond any noise "
             f"raises an alarm; small changes of a mean show from {min_recordings()} seeds on"
         )
+    if other_frames := _other_frames(before, now, before_name):
+        yield other_frames
     missing = [key for key in before.groups if key not in now.groups]
     added = [key for key in now.groups if key not in before.groups]
     if missing:
         yield f"{before_name} has what this run has not: {_names(missing)}"
     if added:
         yield f"not in {before_name}: {_names(added)}"
+
+
+def _other_frames(before: Results, now: Results, before_name: str) -> str | None:
+    """Say where a tracker is evaluated in another number of person-frames than before; None where nowhere, or not known."""
+    differ = []
+    for key, group in now.groups.items():
+        was = before.groups[key].seeds if key in before.groups else {}
+        counts = [
+            (old, new)
+            for seed, figures in group.seeds.items()
+            if (old := was.get(seed, {}).get(PERSON_FRAMES)) and (new := figures.get(PERSON_FRAMES))
+        ]
+        old, new = (sum(each) for each in zip(*counts, strict=True)) if counts else (0, 0)
+        if old != new:
+            differ.append(
+                (abs(np.log(new / old)), f"{key.scenario} with {key.tracker} {new:.0f}, in {before_name} {old:.0f}")
+            )
+    if not differ:
+        return None
+    most = max(differ, key=lambda each: each[0])[1]
+    more = f" (and {counted(len(differ) - 1, 'more group')})" if len(differ) > 1 else ""
+    return (
+        f"person-frames differ: {most}{more}; misses and false positives are compared per person-frame, stated for "
+        f"as many as {before_name} has"
+    )
 
 
 def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
@@ -238,9 +282,21 @@ def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
     )
 
 
+def verdict_line(baseline: str, comparison: Comparison | None, passed: bool, more: Sequence[str] = ()) -> str:
+    """Format a verdict on one line, with `more` after the number of metrics that got worse."""
+    against, parts = "without a baseline", list(more)
+    if comparison is not None:
+        n = f"{len(comparison.worse)} of {len(comparison.changes)} metrics got worse"
+        against, parts = f"against {baseline}", [n, *more]
+    return f"{'passed' if passed else 'FAILED'} {against}: {'; '.join(parts)}"
+
+
 @dataclass(frozen=True)
 class SuiteOutcome:
-    """Results of a run in `folder`, compared with those `before`, if any; and the checks of its requirements."""
+    """Results of a run in `folder`, compared with those `before`, if any; and the checks of its requirements.
+
+    baseline: the file that holds those before, as a reader knows it.
+    """
 
     folder: Path
     store: ResultStore
@@ -248,86 +304,37 @@ class SuiteOutcome:
     before: Results | None
     comparison: Comparison | None
     requirements: Sequence[RequirementCheck]
+    baseline: str = "the baseline"
 
     @classmethod
-    def of(cls, folder: Path, store: ResultStore, before: Results | None = None) -> SuiteOutcome:
+    def of(
+        cls, folder: Path, store: ResultStore, before: Results | None = None, baseline: Path | None = None
+    ) -> SuiteOutcome:
         """Collect the results so far, compare them, and check the requirements."""
         facts, results = store.facts(), collect_results(store)
         comparison = None if before is None else compare(before, results, tolerances_of(facts))
-        return cls(folder, store, results, before, comparison, check_requirements(facts, results))
+        name = baseline or facts.get("baseline") or cls.baseline
+        return cls(folder, store, results, before, comparison, check_requirements(facts, results), str(name))
 
     @property
     def violated(self) -> list[RequirementCheck]:
         """Requirements that are not met."""
         return [each for each in self.requirements if each.violated]
 
+    @property
+    def passed(self) -> bool:
+        """True where no case failed, every requirement is met and no metric is worse than in the baseline."""
+        worse = self.comparison is not None and self.comparison.worse
+        return not (self.results.failed or self.violated or worse)
 
-def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
-    """Return the function that computes tolerances, from the suite's facts."""
-    own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
-
-    def allowed(metric: str, baseline: float) -> float:
-        return own[metric].allowed(baseline) if metric in own else allowed_by_default(metric, baseline)
-
-    return allowed
-
-
-_KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
-"""Metrics that count events; for all others the worst second is shown."""
-
-
-@dataclass(frozen=True)
-class IncidentLink:
-    """Page of a case and time to look at [s]; `what` happened there."""
-
-    page: Path
-    t_s: float
-    what: str
-
-    def text(self) -> str:
-        """Format page and time on one line."""
-        return f"{self.page} at {self.t_s:.1f} s ({self.what})"
-
-
-def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
-    """Find the incident behind a change, in the seed with the largest worsening; None if the run lacks that case."""
-    group = results.groups.get(change.key)
-    case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
-    if case_id is None:
-        return None
-    incidents = store.incidents(case_id)
-    kind = _KIND_OF.get(change.metric)
-    chosen = next((each for each in incidents if each.kind == kind), incidents[0] if incidents else None)
-    if chosen is None:
-        return None
-    return IncidentLink(case_page(folder, case_id), chosen.t_s, chosen.what)
-
-
-def case_page(folder: Path, case_id: str) -> Path:
-    """Return the report of a case of the run in `folder`; in a suite without reports the case's folder."""
-    case = folder / "cases" / case_id
-    return report if (report := case / "report.html").is_file() else case
-
-
-def describe_change(change: Change) -> str:
-    """Describe a change: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
-    name = metric_named(change.metric).name
-    was = format_metric(change.metric, change.before)
-    if change.now is None:
-        return f"{name} {was} → no longer measured"
-    now, by = format_metric(change.metric, change.now), format_metric(change.metric, change.change, sign=True)
-    return (
-        f"{name} {was} → {now} ({by}, allowed {format_metric(change.metric, change.allowed)}, {significance(change)})"
-    )
-
-
-def significance(change: Change) -> str:
-    """Describe the significance of a change: its p, and a case that collapsed."""
-    if change.now is None:
-        return "missing"
-    p, parts = min(change.p, change.p_better), []
-    if (case := change.collapse) is not None:
-        by, allowed = (format_metric(change.metric, each).split()[0] for each in (case.by, case.allowed))
-        parts = [f"seed {case.seed} worse by {by} (allowed in one case: {allowed})"]
-    chance = f"p {p:.3f}" if p >= 0.0005 else "p < 0.001"
-    return ", ".join([*parts, *([chance] if p <= ALPHA or not parts else [])])
+    def verdict(self) -> str:
+        """Format the verdict on one line: "FAILED against b.json: 3 of 90 metrics got worse; 0 of 2 requirements not met"."""
+        parts = []
+        if self.requirements:
+            parts.append(f"{len(self.violated)} of {len(self.requirements)} requirements not met")
+        if self.results.failed or not (parts or self.comparison):
+            n_done = sum(len(group.seeds) for group in self.results.groups.values())
+            parts.append(f"{counted(n_done, 'case')} done, {len(self.results.failed)} failed")
+        if self.results.unfinished:
+            parts.append(f"{counted(self.results.unfinished, 'case')} not finished")
+        return verdict_line(self.baseline, self.comparison, self.passed, parts)

@@ -48,7 +48,10 @@ _LINE_EVERY_S = 15.0
 
 @contextmanager
 def suite_progress() -> Iterator[ProgressListener]:
-    """Show cases done, running, failed and the time left on stderr: a bar in a terminal, else a line every 15 s."""
+    """Show cases done, running, failed and the time left on stderr: a bar in a terminal, else a line every 15 s.
+
+    After an interrupt it says how to go on.
+    """
     console = PlainConsole(stderr=True)
     bar = Progress(
         TextColumn("{task.description}", markup=False),
@@ -73,7 +76,7 @@ def suite_progress() -> Iterator[ProgressListener]:
     def failed(case_id: str, error: str) -> None:
         console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", soft_wrap=True)
 
-    with bar:
+    with _resume_hint(), bar:
         task = bar.add_task("cases", text="")
         yield ProgressListener(
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
@@ -82,6 +85,15 @@ def suite_progress() -> Iterator[ProgressListener]:
             state=state,
             planned=lambda what: print(f"twin: planned: {what}", file=sys.stderr, flush=True),
         )
+
+
+@contextmanager
+def _resume_hint() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("the cases that are done are kept; --resume does the rest", file=sys.stderr)
+        raise
 
 
 class _Clock:

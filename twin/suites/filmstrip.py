@@ -1,4 +1,4 @@
-"""Pictures of a suite: film strips about the worst time of a case, and charts of one metric of one scenario."""
+"""Pictures of a suite: film strips about the worst time of a case, charts of one metric; words and links of a change."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from trackers.errors import text_near_bound
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
@@ -28,9 +29,12 @@ from twin.run.inputs import TrustedClasses, choose
 from twin.run.tracker_runner import tracker_runners
 from twin.scenario.scenario import TrackerChoice
 from twin.suites.cache import RecordingCache
+from twin.suites.comparison import Change
 from twin.suites.expansion import Case
-from twin.suites.metrics import METRICS, format_metric
-from twin.suites.results import Group, mean_over_seeds
+from twin.suites.metrics import METRICS, format_beside, format_metric, mean_over_seeds, metric_named
+from twin.suites.permutation_test import ALPHA
+from twin.suites.results import Group, Results
+from twin.suites.store import ResultStore
 from twin.suites.worker import RECORDING, case_recording, resolved_scenario
 from twin.world.world import World
 
@@ -243,3 +247,65 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
 
 def _tick(metric: str, value: float) -> str:
     return format_number(value, METRICS[metric].decimals or 1)
+
+
+_KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
+"""Metrics that count events; for all others the worst second is shown."""
+
+
+@dataclass(frozen=True)
+class IncidentLink:
+    """Page of a case and time to look at [s]; `what` happened there."""
+
+    page: Path
+    t_s: float
+    what: str
+
+    def text(self) -> str:
+        """Format page and time on one line."""
+        return f"{self.page} at {self.t_s:.1f} s ({self.what})"
+
+
+def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
+    """Find the incident behind a change, in the seed with the largest worsening; None if the run lacks that case."""
+    group = results.groups.get(change.key)
+    case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
+    if case_id is None:
+        return None
+    incidents = store.incidents(case_id)
+    kind = _KIND_OF.get(change.metric)
+    chosen = next((each for each in incidents if each.kind == kind), incidents[0] if incidents else None)
+    if chosen is None:
+        return None
+    return IncidentLink(case_page(folder, case_id), chosen.t_s, chosen.what)
+
+
+def case_page(folder: Path, case_id: str) -> Path:
+    """Return the report of a case of the run in `folder`; in a suite without reports the case's folder."""
+    case = folder / "cases" / case_id
+    return report if (report := case / "report.html").is_file() else case
+
+
+def describe_change(change: Change) -> str:
+    """Describe a change: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
+    name = metric_named(change.metric).name
+    was = format_metric(change.metric, change.before)
+    if change.now is None:
+        return f"{name} {was} → no longer measured"
+    now, (by, allowed) = (
+        format_metric(change.metric, change.now),
+        format_beside(change.metric, change.change, change.allowed),
+    )
+    return f"{name} {was} → {now} ({by}, allowed {allowed}, {significance(change)})"
+
+
+def significance(change: Change) -> str:
+    """Describe the significance of a change: its p, and a case that collapsed."""
+    if change.now is None:
+        return "missing"
+    p, parts = min(change.p, change.p_better), []
+    if (case := change.collapse) is not None:
+        by, allowed = (each.split()[0] for each in format_beside(change.metric, case.by, case.allowed, sign=False))
+        parts = [f"seed {case.seed} worse by {by} (allowed in one case: {allowed})"]
+    chance = f"p {text_near_bound(p, ALPHA, '.3f')}" if p >= 0.0005 else "p < 0.001"
+    return ", ".join([*parts, *([chance] if p <= ALPHA or not parts else [])])

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import json
 import re
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -18,14 +17,16 @@ from xml.etree import ElementTree
 
 from trackers.errors import InputError, valid_names
 from twin.console import print_paths
+from twin.messages import printable
 from twin.models import cache_folder
 from twin.recording.atomic_file import atomic_path, check_writable, write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
-from twin.suites.comparison import Change, Comparison, SuiteOutcome, compare, describe_change, tolerances_of
+from twin.suites.comparison import Change, Comparison, SuiteOutcome, compare, verdict_line
 from twin.suites.dask_runner import suite_progress
-from twin.suites.metrics import GATED, allowed_by_default
+from twin.suites.filmstrip import describe_change
+from twin.suites.metrics import GATED, allowed_by_default, mean_over_seeds, tolerances_of
 from twin.suites.page import write_comparison_page, write_page
 from twin.suites.result_files import (
     NOTHING_COMPARED,
@@ -45,7 +46,12 @@ from twin.suites.result_tables import (
     print_requirements,
     print_results,
 )
-from twin.suites.results import GroupKey, RequirementCheck, collect_results, mean_over_seeds, pooled
+from twin.suites.results import (
+    GroupKey,
+    RequirementCheck,
+    collect_results,
+    pooled,
+)
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.store import DONE, FAILED
@@ -76,7 +82,7 @@ def run_gate(
         check_writable(baseline)
     before = baseline_of(suite.name, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
-    with suite_progress() as progress, _resume_hint():
+    with suite_progress() as progress:
         run_suite(
             suite,
             path,
@@ -91,7 +97,7 @@ def run_gate(
             check=partial(check_comparable, before, f"--baseline {baseline}"),
         )
     with read_store(folder) as store:
-        outcome = SuiteOutcome.of(folder, store, before)
+        outcome = SuiteOutcome.of(folder, store, before, baseline)
         if baseline is not None and before is not None:
             store.note(baseline=str(baseline.resolve()))
         _print(outcome)
@@ -101,13 +107,13 @@ def run_gate(
         write_junit(files["junit"], outcome)
         write_page(files["report"], outcome)
         print_paths(files)
-        results, comparison = outcome.results, outcome.comparison
-        if comparison is not None:
-            _check_compared(comparison, f"--baseline {baseline}")
-        if baseline is not None and update_baseline and not results.failed:
-            write_baseline(baseline, results)
+        if outcome.comparison is not None:
+            _check_compared(outcome.comparison, f"--baseline {baseline}")
+        if baseline is not None and update_baseline and not outcome.results.failed:
+            write_baseline(baseline, outcome.results)
             print_paths({"baseline": baseline})
-    return not results.failed and not outcome.violated and (comparison is None or not comparison.worse)
+        print(printable(outcome.verdict()))
+    return outcome.passed
 
 
 def _print(outcome: SuiteOutcome) -> None:
@@ -118,21 +124,11 @@ def _print(outcome: SuiteOutcome) -> None:
     print_requirements(outcome.requirements)
 
 
-@contextmanager
-def _resume_hint() -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        print("the cases that are done are kept; --resume does the rest", file=sys.stderr)
-        raise
-
-
 def show_markdown(folder: Path) -> None:
     """Print the verdict and the means of a run, finished or not, in Markdown."""
     with read_store(folder) as store:
         outcome = SuiteOutcome.of(folder, store, held_baseline(store))
-        verdict = markdown_verdict(outcome.results, outcome.comparison, outcome.requirements)
-        print(verdict, markdown_table(outcome.results), sep="\n\n")
+        print(markdown_verdict(outcome), markdown_table(outcome.results), sep="\n\n")
 
 
 def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
@@ -157,6 +153,7 @@ def show_results(folder: Path) -> None:
         page = folder / "report.html"
         write_page(page, outcome)
         print_paths({"results": store.path, "report": page})
+        print(printable(outcome.verdict()))
 
 
 def _check_compared(comparison: Comparison, what: str) -> None:
@@ -192,6 +189,8 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
             write_comparison_page(out, comparison, old, new, title, run)
     if out is not None and not markdown:
         print_paths({"page": out})
+    if not markdown:
+        print(printable(verdict_line(str(before), comparison, not comparison.worse)))
     return not comparison.worse
 
 
@@ -227,8 +226,8 @@ def write_junit(path: Path, outcome: SuiteOutcome) -> None:
         elif case.status != DONE:
             ElementTree.SubElement(test, "skipped", message="not finished")
     if outcome.comparison is not None:
-        changes = outcome.comparison.changes
-        judged = ((each.key, each.variant, describe_change(each) if each.worse else None) for each in changes)
+        changes, worse = outcome.comparison.changes, {id(each) for each in outcome.comparison.worse}
+        judged = ((each.key, each.variant, describe_change(each) if id(each) in worse else None) for each in changes)
         _add_groups(root, suite, "against the baseline", judged)
     if outcome.requirements:
         checks = outcome.requirements

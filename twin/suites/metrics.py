@@ -11,19 +11,26 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from math import inf, isfinite
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isclose, isfinite
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BeforeValidator, Field
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from twin.report.metrics_table import (
     METRICS as REPORT_METRICS,
+    SUMMED_OVER_FRAMES,
     Metric,
     format_number,
 )
+from twin.streams import stream
+
+PERSON_FRAMES = "judged.person_frames"
+"""Number of people in the evaluated frames, summed over frames."""
 
 RECORDING_METRICS: Mapping[str, Metric] = {
     each.key: each
@@ -35,6 +42,28 @@ RECORDING_METRICS: Mapping[str, Metric] = {
 """Metrics of tracks alone, for bags without truth: bounds of `require`, not compared, as neither direction is better."""
 
 METRICS: Mapping[str, Metric] = {**REPORT_METRICS, **RECORDING_METRICS}
+
+
+RATES: Mapping[str, Metric] = {
+    key: replace(REPORT_METRICS[key], unit="per 1,000 person-frames", decimals=1) for key in SUMMED_OVER_FRAMES
+}
+"""Counts that grow with the number of evaluated frames, as two trackers are compared by them."""
+
+
+def rate(key: str, figures: Mapping[str, float | None]) -> float | None:
+    """Return a metric as two trackers are compared by it: one of `RATES` as a rate; None without person-frames."""
+    value = figures.get(key)
+    if key not in RATES or value is None:
+        return value
+    return 1000 * value / people if (people := figures.get(PERSON_FRAMES)) else None
+
+
+def at_frames_of(
+    key: str, value: float, figures: Mapping[str, float | None], before: Mapping[str, float | None]
+) -> float:
+    """Return a metric of a case, of `RATES` the count at its rate in the person-frames that the case had before, if known."""
+    people, had = figures.get(PERSON_FRAMES), before.get(PERSON_FRAMES)
+    return value * had / people if key in RATES and people and had and people != had else value
 
 
 def known_of(metrics: Sequence[str], values_of: Iterable[Callable[[str], list[float]]]) -> tuple[str, ...]:
@@ -106,6 +135,16 @@ def allowed_by_default(metric: str, baseline: float) -> float:
     return (GATED[metric] if metric in GATED else GATED_SENSOR_METRICS[metric]).allowed(baseline)
 
 
+def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
+    """Return the function that computes tolerances, from the suite's facts."""
+    own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
+
+    def allowed(metric: str, baseline: float) -> float:
+        return own[metric].allowed(baseline) if metric in own else allowed_by_default(metric, baseline)
+
+    return allowed
+
+
 def metric_named(key: str) -> Metric:
     """Look up a compared metric: of a tracker, or of a sensor."""
     return SENSOR_METRICS[key] if key in SENSOR_METRICS else METRICS[key]
@@ -159,7 +198,7 @@ def pooled_shares(cases: Sequence[Mapping[str, float | None]]) -> dict[str, floa
 
     extra, hidden_ghosts = total("false_positives"), total("errors.false_positive.ghost_unseen")
     start_up = total("errors.missed.start_up")
-    seen = total("judged.person_frames") - total("errors.missed.unseen") - total("errors.missed.unused")
+    seen = total(PERSON_FRAMES) - total("errors.missed.unseen") - total("errors.missed.unused")
     wrong = total("errors.missed.seen") + extra - hidden_ghosts + total("id_switches")
     stated = "within_radius.n"
     parts = {
@@ -171,6 +210,51 @@ def pooled_shares(cases: Sequence[Mapping[str, float | None]]) -> dict[str, floa
     return {name: part / whole if whole > 0 else None for name, (part, whole) in parts.items()}
 
 
+_N_REPLICATE = 2000
+FEWEST = 6
+"""Values that an interval needs: of fewer, all are on one side of 0 by chance in more than 5 % of cases (2 · 0.5^n)."""
+_MOST_DRAWN = 10**7  # values drawn at a time: 80 MB
+
+
+@dataclass(frozen=True)
+class MeanOverSeeds:
+    """Mean of a metric over seeds and its 95 % bootstrap interval, whose bounds are None for fewer than `FEWEST` seeds."""
+
+    mean: float
+    low: float | None
+    high: float | None
+    n: int
+
+
+def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = None) -> MeanOverSeeds | None:
+    """Compute the mean and its percentile interval; None without values. Equal values give equal intervals.
+
+    together: a label of each value. Values of one label share their chance, as cases of one drawn room do: the bootstrap draws
+    labels, each with all its values (Davison and Hinkley, "Bootstrap methods", 1997, 3.8), and `FEWEST` counts labels.
+    """
+    if not values:
+        return None
+    n, mean = len(values), float(np.mean(values))
+    label = np.arange(n) if together is None else np.unique([repr(each) for each in together], return_inverse=True)[1]
+    of_label = np.bincount(label)
+    if len(of_label) < FEWEST:
+        return MeanOverSeeds(mean, None, None, n)
+    from scipy.stats import bootstrap  # takes a while to load
+
+    interval = bootstrap(
+        (np.bincount(label, weights=values), of_label),
+        lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
+        n_resamples=_N_REPLICATE,
+        batch=max(1, _MOST_DRAWN // len(of_label)),
+        vectorized=True,
+        paired=True,
+        confidence_level=0.95,
+        method="percentile",
+        rng=stream(len(of_label), "suite", "means"),
+    ).confidence_interval
+    return MeanOverSeeds(mean, float(interval.low), float(interval.high), n)
+
+
 def worsening(key: str, change: float) -> float:
     """Compute the change of a metric, positive for the worse."""
     return -change if metric_named(key).better == "more" else change
@@ -180,6 +264,19 @@ def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     """Format a metric with its unit; counts, which are means over seeds here, with one decimal."""
     metric = metric_named(key)
     return format_number(value, metric.decimals or 1, metric.unit, sign=sign)
+
+
+def format_beside(key: str, change: float, allowed: float, sign: bool = True) -> tuple[str, str]:
+    """Format a change and the allowed one with units, alike only if equal; an allowed change that is not 0 has a digit of it."""
+    metric = metric_named(key)
+    unit, decimals = metric.unit, metric.decimals or 1
+    while decimals < _MOST_DIGITS:
+        texts = [format_number(abs(each), decimals) for each in (change, allowed)]
+        is_shown = float(texts[1]) > 0 or not allowed
+        if is_shown and (texts[0] != texts[1] or isclose(abs(change), allowed)):
+            break
+        decimals += 1
+    return format_number(change, decimals, unit, sign=sign), format_number(allowed, decimals, unit)
 
 
 def format_range(key: str, least: float, most: float) -> str:
@@ -199,6 +296,7 @@ _COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
 _BOUND = re.compile(r"\s*(>=|<=|==|>|<)?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*", re.ASCII)
 
 _ROUNDING = 1e-9
+_MOST_DIGITS = 9
 
 
 def _bound(value: str | float) -> str:

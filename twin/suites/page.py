@@ -15,14 +15,24 @@ from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
-from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, incident_link
-from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
-from twin.suites.metrics import METRICS, RECORDING_METRICS, SHOWN, format_metric, format_range, known_of, metric_named
+from twin.suites.comparison import Change, Comparison, SuiteOutcome
+from twin.suites.filmstrip import case_page, colour_of, incident_link, marker, scale_of, small_multiple
+from twin.suites.metrics import (
+    FEWEST,
+    METRICS,
+    RATES,
+    RECORDING_METRICS,
+    SHOWN,
+    format_metric,
+    format_range,
+    known_of,
+    mean_over_seeds,
+    metric_named,
+)
 from twin.suites.permutation_test import ALPHA
 from twin.suites.result_tables import change_cells
 from twin.suites.results import (
     BEHIND_HOTA,
-    FEWEST,
     REFERENCE_METRICS,
     Group,
     GroupKey,
@@ -32,7 +42,7 @@ from twin.suites.results import (
     Results,
     differences_by_scenario,
     differences_from,
-    mean_over_seeds,
+    note_on_frames,
     room_of,
     worst_cases,
 )
@@ -49,6 +59,7 @@ def write_page(path: Path, outcome: SuiteOutcome) -> None:
         results=results,
         before=outcome.before,
         comparison=outcome.comparison,
+        baseline=outcome.baseline,
         requirements=outcome.requirements,
         links=_links(outcome.comparison, results, store, folder, path.parent),
         worst=[
@@ -110,7 +121,7 @@ def _write(
     **content: Any,
 ) -> None:
     """Write a page; content: further variables of the template, those of a run alone by default as of a comparison."""
-    of_run = {"description": "", "worst": [], "seconds": None, "link": None}
+    of_run = {"baseline": "", "description": "", "worst": [], "seconds": None, "link": None}
     headline = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS] if comparison else []
     trackers = [(name, colour_of(slot), Markup(marker(slot, 11, 7))) for name, slot in _slots(results).items()]
     rows = differences_from(results, reference) if reference is not None else []
@@ -146,7 +157,8 @@ def _write(
         worse=[_change(each, links) for each in shown.worse],
         better=[_change(each, links) for each in shown.better],
         reference=reference,
-        reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
+        reference_metrics=[RATES.get(metric, METRICS[metric]) for metric in REFERENCE_METRICS],
+        note_on_frames=note_on_frames(results),
         behind_hota=BEHIND_HOTA,
         fewest=FEWEST,
         undirected=RECORDING_METRICS,

@@ -11,9 +11,10 @@ therefore one unit of chance.
 
 Test. If a change has no effect, before and after can be swapped in any unit of chance: this flips the signs of all its
 differences, of all trackers and metrics together. The statistics are computed for all sign vectors, or for drawn ones if
-they are too many. A test's p is the share of sign vectors in which the largest statistic of any test is at least its own
-(single-step max-T: Westfall and Young, Resampling-Based Multiple Testing, 1993). This bounds the probability of any false
-alarm under any dependence between trackers, metrics and tests. The statistics need one scale, or the noisiest dominates.
+they are too many. A test's p is the share of sign vectors in which the largest statistic, of those tests whose own is no
+larger, is at least its own; and no less than that of a larger one (step-down max-T: Westfall and Young, Resampling-Based
+Multiple Testing, 1993, algorithm 2.8). This bounds the probability of any false alarm under any dependence between trackers,
+metrics and tests. A large loss elsewhere hides none. The statistics need one scale, or the noisiest dominates.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.streams import stream
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, worsening
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, at_frames_of, worsening
 from twin.suites.results import Group, GroupKey, Results
 
 Relation = Literal["same bits", "same origin", "same people", "unrelated"]
@@ -142,7 +143,7 @@ def _pair(
     key: GroupKey, was: Group, group: Group, metric: str, allowed: Callable[[str, float], float]
 ) -> Iterator[Pair]:
     both = [
-        (seed, old, new)
+        (seed, old, at_frames_of(metric, new, figures, was.seeds[seed]))
         for seed, figures in sorted(group.seeds.items())
         if (old := was.seeds.get(seed, {}).get(metric)) is not None and (new := figures.get(metric)) is not None
     ]
@@ -182,7 +183,7 @@ _ROUNDING = 1e-9
 
 
 def family_wise_p(shares: Array) -> Array:
-    """Compute the family-wise p of each of t one-sided tests (t,), by sign flips and the maximum statistic.
+    """Compute the family-wise p of each of t one-sided tests (t,), by sign flips and step-down maximum statistics.
 
     shares (u, t): contribution of each of u units of chance to each statistic, positive for the worse, 0 without part in it.
     """
@@ -190,13 +191,17 @@ def family_wise_p(shares: Array) -> Array:
     if not len(changed):
         return np.ones(shares.shape[1])
     signs = _signs(len(changed))
-    largest = np.empty(len(signs))
+    statistic = changed.sum(axis=0)
+    order = np.argsort(statistic)  # the largest of the first tests to each: of those whose statistic is no larger
+    least = (statistic - _ROUNDING * np.abs(statistic).max())[order]
+    as_large = np.zeros(shares.shape[1])
     step = max(1, _MOST_AT_ONCE // max(1, shares.shape[1]))
     for first in range(0, len(signs), step):
-        largest[first : first + step] = (signs[first : first + step] @ changed).max(axis=1)
-    statistic = changed.sum(axis=0)
-    as_large = np.searchsorted(np.sort(largest), statistic - _ROUNDING * np.abs(statistic).max())
-    return 1 - as_large / len(signs)
+        drawn = signs[first : first + step] @ changed[:, order]
+        as_large += (np.maximum.accumulate(drawn, axis=1) >= least).sum(axis=0)
+    p = np.empty(shares.shape[1])
+    p[order] = np.maximum.accumulate((as_large / len(signs))[::-1])[::-1]
+    return p
 
 
 def min_recordings() -> int:

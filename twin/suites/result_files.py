@@ -25,7 +25,7 @@ from twin.recording.atomic_file import write_atomic
 from twin.run.out_folder import check_others, locked_folder
 from twin.suites.cache import fault_of
 from twin.suites.expansion import Case, with_variant
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, PERSON_FRAMES
 from twin.suites.results import Group, GroupKey, Results, collect_results
 from twin.suites.store import EXPECTED, OverridesText, ResultStore, StoredCase, fault_of_file
 
@@ -245,7 +245,7 @@ def read_baseline(path: Path) -> Results:
 
 
 def write_baseline(path: Path, results: Results) -> None:
-    """Write the compared metrics; raises InputError where some are missing or the file cannot be written."""
+    """Write compared metrics and person-frames; raises InputError where some are missing or the file cannot be written."""
     if results.failed or results.unfinished:
         raise InputError(
             f"{path}: not written: {len(results.failed)} cases failed and {results.unfinished} are not finished; "
@@ -257,7 +257,7 @@ def write_baseline(path: Path, results: Results) -> None:
         "renderers": list(results.renderers),
     }
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
-    groups = _lines(results.groups, "tracker", tuple(GATED))
+    groups = _lines(results.groups, "tracker", (*GATED, PERSON_FRAMES))
     sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
     write_atomic(path, f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
 

@@ -9,30 +9,35 @@ from pathlib import Path
 from twin.console import PlainConsole, print_table
 from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
-from twin.suites.comparison import EVERY_TRACKER, Change, Comparison, incident_link, significance
+from twin.suites.comparison import EVERY_TRACKER, Change, Comparison, SuiteOutcome
 from twin.suites.expansion import with_variant
+from twin.suites.filmstrip import incident_link, significance
 from twin.suites.metrics import (
+    FEWEST,
     METRICS,
+    RATES,
     RECORDING_METRICS,
+    MeanOverSeeds,
+    format_beside,
     format_metric,
     format_range,
     known_of,
+    mean_over_seeds,
     metric_named,
     pooled_shares,
 )
+from twin.suites.permutation_test import ALPHA
 from twin.suites.results import (
     BEHIND_HOTA,
-    FEWEST,
     REFERENCE_METRICS,
     Group,
     GroupKey,
-    MeanOverSeeds,
     ReferenceDifference,
     RequirementCheck,
     Results,
     differences_by_scenario,
     differences_from,
-    mean_over_seeds,
+    note_on_frames,
 )
 from twin.suites.store import ResultStore
 
@@ -51,6 +56,8 @@ def print_results(results: Results, reference: str | None = None) -> None:
     console.print(f"{results.suite}: means over seeds, gate 0.5 m")
     heads = ["scenario", "tracker", "seeds", "person-frames", *map(_heading, metrics)]
     print_table(heads, rows, names=2)
+    if note := note_on_frames(results):
+        console.print(note, soft_wrap=True)
     if reference is not None:
         console.print(
             f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 "
@@ -75,13 +82,24 @@ def _heading(metric: str) -> str:
     return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}"
 
 
+def _reference_heading(metric: str) -> str:
+    """Format a metric's name and unit as a heading of differences from a reference."""
+    return f"{RATES[metric].name} {RATES[metric].unit}" if metric in RATES else _heading(metric)
+
+
 def _print_differences(results: Results, reference: str) -> None:
     """Print the mean differences of every other tracker from the reference: over all scenarios, and in each."""
     strata = differences_by_scenario(results, reference)
     rows: list[list[str] | None] = [["all", *_reference_cells(row)] for row in differences_from(results, reference)]
     for (scenario, variant), own in strata.items():
         rows += [None, *([with_variant(scenario, variant), *_reference_cells(row)] for row in own)]
-    heads = ["scenario", "tracker", "cases", *map(_heading, REFERENCE_METRICS), f"behind by > {BEHIND_HOTA:g} HOTA"]
+    heads = [
+        "scenario",
+        "tracker",
+        "cases",
+        *map(_reference_heading, REFERENCE_METRICS),
+        f"behind by > {BEHIND_HOTA:g} HOTA",
+    ]
     if len(strata) > 1:
         print_table(heads, rows, names=2)
     else:
@@ -156,11 +174,14 @@ def print_comparison(
     elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} metrics compared")
     if other := _within_chance(comparison):
-        console.print(f"{len(other)} changed within what chance or the tolerance explains; the largest:")
+        console.print(
+            f"{len(other)} changed by no more than the tolerance, or by more but with a p above {ALPHA}; the largest:"
+        )
         _print_changes(other[:_MOST_SMALL_ROWS])
     console.print(
-        "minimum detectable change: the smallest loss, equal in every recording, that raises an alarm; ranges are over trackers "
-        "and scenarios, by the scatter of their earlier seeds",
+        "minimum detectable change: the smallest loss, equal in every recording, that raises an alarm while nothing else "
+        "changes. One that differs between recordings must be larger, and larger again where much else changes. Ranges are over "
+        "trackers and scenarios, by the scatter of their earlier seeds",
         soft_wrap=True,
     )
     _print_detectable(comparison)
@@ -217,8 +238,7 @@ def change_cells(change: Change) -> list[str]:
         if change.now is None
         else [
             format_metric(metric, change.now),
-            format_metric(metric, change.change, sign=True),
-            format_metric(metric, change.allowed),
+            *format_beside(metric, change.change, change.allowed),
         ]
     )
     return [
@@ -254,26 +274,16 @@ def markdown_table(results: Results) -> str:
     ]
     for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
         lines += _rows_of_scenario(list(rows), metrics)
-    return "\n".join(lines)
+    note = note_on_frames(results)
+    return "\n".join([*lines, *([f"\nNote: {_cell(note)}."] if note else [])])
 
 
-def markdown_verdict(results: Results, comparison: Comparison | None, requirements: Sequence[RequirementCheck]) -> str:
+def markdown_verdict(outcome: SuiteOutcome) -> str:
     """Format the verdict in one line, and below it what got worse and the requirements not met."""
-    broken = [each for each in requirements if each.violated]
-    parts = []
-    if comparison is not None:
-        n = len(comparison.changes)
-        worse = len(comparison.worse)
-        parts.append(f"**{worse} of {n} metrics got worse**" if worse else f"nothing got worse: {n} metrics compared")
-    if requirements:
-        met = f"{len(requirements) - len(broken)} of {len(requirements)} requirements met"
-        parts.append(f"**{met}**" if broken else met)
-    cases = f"{sum(len(group.seeds) for group in results.groups.values())} cases done"
-    parts.append(f"{cases}, **{len(results.failed)} failed**" if results.failed else cases)
-    if results.unfinished:
-        parts.append(f"{results.unfinished} not finished")
-    lines = [f"{results.suite}: {'; '.join(parts)}."]
-    for each in broken:
+    comparison = outcome.comparison
+    word, _, rest = outcome.verdict().partition(" ")
+    lines = [f"{outcome.results.suite}: {word if outcome.passed else f'**{word}**'} {_cell(rest)}."]
+    for each in outcome.violated:
         name = with_variant(each.key.scenario, each.variant)
         lines.append(f"- not met: {_cell(f'{name}, `{each.key.tracker}`: {each.sentence()}')}")
     if comparison is not None and comparison.worse:

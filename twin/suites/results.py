@@ -12,15 +12,11 @@ from typing import Any
 import numpy as np
 
 from trackers.errors import InputError
-from twin.streams import stream
-from twin.suites.metrics import METRICS, format_metric, holds
+from twin.messages import counted
+from twin.report.metrics_table import frames_note
+from twin.suites.metrics import METRICS, PERSON_FRAMES, MeanOverSeeds, format_metric, holds, mean_over_seeds, rate
 from twin.suites.store import DONE, EXPECTED, FAILED, RecordingInfo, ResultStore, StoredCase
 from twin.suites.worker import NO_RENDERER
-
-_N_REPLICATE = 2000
-FEWEST = 6
-"""Values that an interval needs: of fewer, all are on one side of 0 by chance in more than 5 % of cases (2 · 0.5^n)."""
-_MOST_DRAWN = 10**7  # values drawn at a time: 80 MB
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class Group:
     @property
     def n(self) -> str:
         """Person-frames of all seeds as text, with the share of frames evaluated if below 1."""
-        counts, shares = self.values("judged.person_frames"), self.values("judged.share")
+        counts, shares = self.values(PERSON_FRAMES), self.values("judged.share")
         if len(counts) < len(self.seeds) or not counts:
             return "–"  # run of an older version
         share = min(shares, default=1.0)
@@ -150,45 +146,6 @@ def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], rec
 
 
 @dataclass(frozen=True)
-class MeanOverSeeds:
-    """Mean of a metric over seeds and its 95 % bootstrap interval, whose bounds are None for fewer than `FEWEST` seeds."""
-
-    mean: float
-    low: float | None
-    high: float | None
-    n: int
-
-
-def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = None) -> MeanOverSeeds | None:
-    """Compute the mean and its percentile interval; None without values. Equal values give equal intervals.
-
-    together: a label of each value. Values of one label share their chance, as cases of one drawn room do: the bootstrap draws
-    labels, each with all its values (Davison and Hinkley, "Bootstrap methods", 1997, 3.8), and `FEWEST` counts labels.
-    """
-    if not values:
-        return None
-    n, mean = len(values), float(np.mean(values))
-    label = np.arange(n) if together is None else np.unique([repr(each) for each in together], return_inverse=True)[1]
-    of_label = np.bincount(label)
-    if len(of_label) < FEWEST:
-        return MeanOverSeeds(mean, None, None, n)
-    from scipy.stats import bootstrap  # takes a while to load
-
-    interval = bootstrap(
-        (np.bincount(label, weights=values), of_label),
-        lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
-        n_resamples=_N_REPLICATE,
-        batch=max(1, _MOST_DRAWN // len(of_label)),
-        vectorized=True,
-        paired=True,
-        confidence_level=0.95,
-        method="percentile",
-        rng=stream(len(of_label), "suite", "means"),
-    ).confidence_interval
-    return MeanOverSeeds(mean, float(interval.low), float(interval.high), n)
-
-
-@dataclass(frozen=True)
 class RequirementCheck:
     """Check of a requirement: the mean over the seeds of a scenario; None where the tracker lacks the metric."""
 
@@ -277,9 +234,31 @@ class PairedCase:
     reference: Mapping[str, float | None]
 
     def difference(self, metric: str) -> float | None:
-        """Subtract the reference's metric; None where either lacks it."""
-        own, other = self.metrics.get(metric), self.reference.get(metric)
+        """Subtract the reference's metric, of counts over frames their rates; None where either lacks it."""
+        own, other = rate(metric, self.metrics), rate(metric, self.reference)
         return None if own is None or other is None else own - other
+
+
+def note_on_frames(results: Results) -> str | None:
+    """Say where trackers are evaluated in different person-frames, over the seeds that all have; None where nowhere."""
+    scenarios: dict[tuple[str, str], dict[str, Group]] = {}
+    for key, group in results.groups.items():
+        scenarios.setdefault((key.scenario, key.overrides), {})[key.tracker] = group
+    differ = []
+    for (scenario, _), by_tracker in scenarios.items():
+        shared = set.intersection(*(set(group.seeds) for group in by_tracker.values()))
+        counts = {
+            tracker: count
+            for tracker, group in by_tracker.items()
+            if (count := sum(group.seeds[seed].get(PERSON_FRAMES) or 0.0 for seed in shared))
+        }
+        if frames_note(counts):
+            differ.append((min(counts.values()) / max(counts.values()), scenario, counts))
+    if not differ:
+        return None
+    _, scenario, counts = min(differ, key=lambda each: each[0])
+    more = f", as in {counted(len(differ) - 1, 'more scenario')}" if len(differ) > 1 else ""
+    return frames_note(counts, scenario + more)
 
 
 def differences_from(results: Results, reference: str) -> list[ReferenceDifference]:

@@ -8,7 +8,15 @@ import pytest
 
 from trackers.errors import InputError
 from twin.suites.filmstrip import colour_of, marker
-from twin.suites.results import Group, GroupKey, Results, differences_by_scenario, differences_from, worst_cases
+from twin.suites.results import (
+    Group,
+    GroupKey,
+    Results,
+    differences_by_scenario,
+    differences_from,
+    note_on_frames,
+    worst_cases,
+)
 from twin.suites.spec import Suite, load_suite
 
 
@@ -50,6 +58,27 @@ def test_only_cases_that_both_have_done_count():
 def test_no_difference_is_no_verdict():
     (row,) = differences_from(results(ours=[0.5, 0.6, 0.7], other=[0.6, 0.5, 0.7]), "ours")
     assert row.verdict("mota") == ""
+
+
+def test_counts_over_frames_are_compared_as_rates_and_different_frames_are_said() -> None:
+    """Each tracker has a false positive in every hundredth person-frame; one reports half as often."""
+    frames = {"often": 400, "seldom": 200}
+    groups = {
+        GroupKey(room, "[]", tracker): Group(
+            "", {seed: {"false_positives": n / 100, "id_switches": 2, "judged.person_frames": n} for seed in range(6)}
+        )
+        for room, n_of in {"lab": frames, "hall": {"often": 300, "seldom": 300}}.items()
+        for tracker, n in n_of.items()
+    }
+    (row,) = differences_from(Results("made-up", {}, (), groups), "often")
+    false_positives, switches = row.differences["false_positives"], row.differences["id_switches"]
+    assert false_positives is not None and false_positives.mean == pytest.approx(0) and switches.mean == 0
+    note = note_on_frames(Results("made-up", {}, (), groups))
+    assert note is not None and "(lab): often in 2400, seldom in 1200; each is evaluated at the stamps" in note
+    same = {key: group for key, group in groups.items() if key.scenario == "hall"}
+    assert note_on_frames(Results("made-up", {}, (), same)) is None
+    unknown = {key: Group("", {0: {"mota": 0.5}}) for key in groups}
+    assert note_on_frames(Results("made-up", {}, (), unknown)) is None
 
 
 def hota_results(**by_scenario: dict[str, list[float]]) -> Results:

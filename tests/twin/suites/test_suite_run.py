@@ -297,9 +297,11 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     )
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
     assert code == 0 and "every recording and metric has the same bits: 30 compared" in text
+    assert text.splitlines()[-1] == f"passed against {baseline}: 0 of 30 metrics got worse"
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "c"))
-    assert code == 1 and "9 metrics got worse" in text and "+0.020 m" in text
+    assert code == 1 and "8 metrics got worse" in text and "+0.020 m" in text
+    assert text.splitlines()[-1] == f"FAILED against {baseline}: 8 of 30 metrics got worse"
     found = re.search(r"see (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
     assert found is not None and Path(found[1]).is_file()
     summary = json.loads((tmp_path / "c" / "summary.json").read_text())
@@ -308,17 +310,19 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     junit = ElementTree.parse(tmp_path / "c" / "junit.xml").getroot()
     assert [(each.get("tests"), each.get("failures"), each.get("errors")) for each in junit] == [
         (str(N_CASE), "0", "0"),
-        ("13", "9", "0"),  # six groups, two trackers over all scenarios, all trackers, a scanner in three and over all
+        ("13", "8", "0"),  # six groups, two trackers over all scenarios, all trackers, a scanner in three and over all
     ]
     assert junit.find(".//failure") is not None and "MOTP 0.0" in (junit.find(".//failure").text or "")
     page = (tmp_path / "c" / "report.html").read_text()
-    assert "9 of 30 metrics got worse" in page and "<svg" in page and "nan" not in page
+    assert (
+        "8 of 30 metrics got worse" in page and f"against {baseline}" in page and "<svg" in page and "nan" not in page
+    )
     assert "http://" not in page and "https://" not in page
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
-    assert code == 0 and "9 metrics got worse" in text
+    assert code == 0 and "8 metrics got worse" in text
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
     verdict, _, rest = text.partition("\n")
-    assert code == 0 and "**9 of 30 metrics got worse**" in verdict and f"{N_CASE} cases done" in verdict
+    assert code == 0 and verdict == f"made-up: **FAILED** against {baseline}: 8 of 30 metrics got worse."
     assert rest.index("**worse**") < rest.index("| scenario | tracker | seeds |")
     page = tmp_path / "compare.html"
     code, text, _ = command(monkeypatch, "compare", baseline, str(tmp_path / "c"), "--out", str(page))
@@ -383,6 +387,7 @@ def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
     assert [row["met"] for row in summary["requirements"]].count(False) == 3
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "a"))
     assert "6 of 9 requirements met" in text
+    assert text.splitlines()[-1] == "FAILED without a baseline: 3 of 9 requirements not met"
     connection = sqlite3.connect(tmp_path / "a" / "results.sqlite")
     with connection:  # a file of version 0.1
         for former, name in FORMER_FACTS.items():

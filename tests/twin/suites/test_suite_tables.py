@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sqlite3
+from pathlib import Path
+
 import pytest
 
 from trackers.errors import InputError
+from twin.suites.comparison import SuiteOutcome
 from twin.suites.metrics import pooled_shares
 from twin.suites.result_tables import markdown_table, markdown_verdict
 from twin.suites.results import Group, GroupKey, RequirementCheck, Results, pooled
+from twin.suites.store import ResultStore
 
 
 def group(*seeds: dict[str, float | None], variant: str = "") -> Group:
@@ -61,10 +66,15 @@ def test_the_verdict_comes_in_one_line_with_what_is_not_met_below() -> None:
     key = GroupKey("lab", "[]", "ours")
     results = Results("made-up", {}, (), {key: group({"mota": 0.9}, {"mota": 0.8})})
     met, broken = (RequirementCheck(key, "", "mota", bound, 0.85) for bound in (">= 0.8", ">= 0.9"))
-    assert markdown_verdict(results, None, []) == "made-up: 2 cases done."
-    assert markdown_verdict(results, None, [met]) == "made-up: 1 of 1 requirements met; 2 cases done."
-    assert markdown_verdict(results, None, [met, broken]).splitlines() == [
-        "made-up: **1 of 2 requirements met**; 2 cases done.",
+
+    def verdict(*requirements: RequirementCheck) -> str:
+        store = ResultStore(sqlite3.connect(":memory:"), Path())
+        return markdown_verdict(SuiteOutcome(Path(), store, results, None, None, requirements))
+
+    assert verdict() == "made-up: passed without a baseline: 2 cases done, 0 failed."
+    assert verdict(met) == "made-up: passed without a baseline: 0 of 1 requirements not met."
+    assert verdict(met, broken).splitlines() == [
+        "made-up: **FAILED** without a baseline: 1 of 2 requirements not met.",
         "- not met: lab, `ours`: MOTA is 0.850, required >= 0.9",
     ]
 
