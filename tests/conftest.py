@@ -95,7 +95,7 @@ def pytest_runtest_teardown(item: pytest.Function, nextitem: pytest.Item | None)
 @pytest.fixture(autouse=True)
 def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A command that lifts the limits in this process lifts them for its own test alone; no logger is left disabled."""
-    from trackers.text_file import NO_LIMITS
+    from trackers.user_input.text_file import NO_LIMITS
 
     monkeypatch.setenv(NO_LIMITS, "")
     yield

@@ -23,10 +23,10 @@ from typer.testing import CliRunner
 
 from trackers.configuration import leaves_of, validate
 from trackers.observations import Observation
-from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS, options_of
 from trackers.rig import Rig
 from trackers.rig_sensors import RigSensor
+from trackers.user_input.plain_data import parse_yaml
 from twin.cli import app
 from twin.models import SENSOR_KINDS
 from twin.recording.situation_table import SITUATION_COLUMNS

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from trackers import text_file
 from trackers.errors import InputError
-from trackers.plain_data import parse_yaml
-from trackers.text_file import read_text
+from trackers.user_input import text_file
+from trackers.user_input.plain_data import parse_yaml
+from trackers.user_input.text_file import read_text
 
 ROOT = Path(__file__).parents[1]
 MODULES = sorted([*(ROOT / "trackers").rglob("*.py"), *(ROOT / "twin").rglob("*.py")])
@@ -66,14 +66,14 @@ def test_every_budget_is_refused_by_the_rule() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}: {bound}" for path, bound, asked in found if not asked and bound not in NO_BUDGETS
     ]
-    assert not wrong, f"refused without trackers.text_file: {wrong}"
+    assert not wrong, f"refused without trackers.user_input.text_file: {wrong}"
     unused = set(NO_BUDGETS) - {bound for _, bound, asked in found if not asked}
     assert not unused, f"named here, found nowhere: {unused}"
 
 
 def test_only_the_rule_says_how_limits_are_lifted() -> None:
     said = {path.relative_to(ROOT).as_posix() for path in MODULES if "--no-limits" in path.read_text(encoding="utf-8")}
-    assert said == {"trackers/text_file.py", "trackers/plain_data.py", "twin/command_options.py"}
+    assert said == {"trackers/user_input/text_file.py", "trackers/user_input/plain_data.py", "twin/command_options.py"}
 
 
 def test_the_rule_is_lifted_by_the_variable_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +88,7 @@ def test_the_rule_is_lifted_by_the_variable_alone(monkeypatch: pytest.MonkeyPatc
 def test_texts_are_lifted_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.txt"
     path.write_text("x" * 2000)
-    monkeypatch.setattr("trackers.plain_data.MOST_VALUES", 5)
+    monkeypatch.setattr("trackers.user_input.plain_data.MOST_VALUES", 5)
     many = "a: [1, 2, 3, 4, 5, 6]"
     for read in (lambda: read_text(path, "a text", 1000), lambda: parse_yaml(many, "a.yaml", "numbers")):
         with pytest.raises(InputError, match="--no-limits"):

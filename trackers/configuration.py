@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema, to_json
 
 from trackers.errors import InputError, valid_names
-from trackers.former_options import (
+from trackers.user_input.former_options import (
     checked_current_names,
     members_of,
     models_at,

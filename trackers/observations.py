@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 
 NS_PER_S = 1_000_000_000
 _FARTHEST_BEARING_RAD = 4 * pi + 1e-3

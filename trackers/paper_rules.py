@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from trackers.plain_data import deep_merge
+from trackers.user_input.plain_data import deep_merge
 
 Kind = Literal["stated", "unstated", "empirical"]
 KINDS: Mapping[Kind, str] = {

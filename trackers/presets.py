@@ -20,8 +20,8 @@ from trackers.errors import InputError, check_no_path, valid_names
 from trackers.laser_fisheye_imm.rules import PAPER_RULES, paper_options
 from trackers.laser_vision_learning import rules as learning_rules
 from trackers.paper_rules import PaperRule
-from trackers.plain_data import deep_merge
 from trackers.rgbd_head import rules as head_rules
+from trackers.user_input.plain_data import deep_merge
 
 if TYPE_CHECKING:
     import numpy as np
@@ -305,7 +305,7 @@ def make_tracker(
 
 def _with_current_names(maker: Any, options: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return options with the current names of those that were renamed, where the class says by `Options` which it takes."""
-    from trackers.former_options import checked_current_names
+    from trackers.user_input.former_options import checked_current_names
 
     model = getattr(maker, "Options", None)
     return options if model is None else checked_current_names(model, dict(options), f"tracker {name}")

@@ -18,7 +18,6 @@ from pydantic import Field, model_validator
 from trackers.area import Point2, Polygon, Pose
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError, raise_faults, valid_names
-from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.rig_sensors import (
     CameraSensor,
     DepthMode,
@@ -33,7 +32,8 @@ from trackers.rig_sensors import (
     StereoSensor,
     placed_camera,
 )
-from trackers.text_file import AnyPath, as_path, is_file, read_text
+from trackers.user_input.plain_data import dump_yaml, parse_yaml
+from trackers.user_input.text_file import AnyPath, as_path, is_file, read_text
 
 __all__ = [
     "NO_PRIOR",

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from trackers.errors import InputError
-from trackers.plain_data import parse_number
+from trackers.user_input.plain_data import parse_number
 from twin import models
 from twin.messages import printable
 
@@ -84,7 +84,7 @@ def _each_path_once(changes: list[str] | None) -> list[str] | None:
 
 def _lift_limits(is_asked: bool) -> bool:
     """Lift the limits of this process and its workers for --no-limits."""
-    from trackers.text_file import lift_limits
+    from trackers.user_input.text_file import lift_limits
 
     if is_asked:
         lift_limits()

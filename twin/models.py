@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import deep_merge, parse_yaml
-from trackers.text_file import as_path, is_file, read_text
+from trackers.user_input.plain_data import deep_merge, parse_yaml
+from trackers.user_input.text_file import as_path, is_file, read_text
 
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"

@@ -18,9 +18,9 @@ from synthetic_room import rig
 import trackers.presets
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import deep_merge
 from trackers.presets import PRESETS, Preset, make_tracker
 from trackers.rgbd_head.options import Start
+from trackers.user_input.plain_data import deep_merge
 
 Path = tuple[str, ...]
 ANYWHERE = st.floats(-1e6, 1e6)

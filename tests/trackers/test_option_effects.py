@@ -26,10 +26,10 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
-from trackers.plain_data import deep_merge
 from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig
+from trackers.user_input.plain_data import deep_merge
 
 MOST = 60
 """Options of one system."""

@@ -21,7 +21,7 @@ import pytest
 from command_line import twin
 
 from trackers.errors import InputError
-from trackers.former_options import members_of
+from trackers.user_input.former_options import members_of
 from twin import cli
 from twin.command_options import WrongNumber
 from twin.commands.memory import describe_lack

@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field, PositiveInt, model_validator
 
 from trackers.configuration import Strict, described
-from trackers.former_options import warn_of_former_name
 from trackers.likelihood.floor import FloorLikelihoodOptions
 from trackers.tracking.track_manager import TrackManagementOptions
+from trackers.user_input.former_options import warn_of_former_name
 from trackers.vision.front_end import FrontEndOptions
 from trackers.vision.views import WindowOptions
 

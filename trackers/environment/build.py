@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy import ndimage
 
-from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import Array, Bool, Bytes, Float, Float32, Mask, Singles, UInt8
 from trackers.configuration import Strict
 from trackers.environment.grid import (
@@ -33,7 +32,8 @@ from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
 from trackers.rig import Rig
-from trackers.text_file import AnyPath, as_path, refuse_unless_lifted
+from trackers.user_input.array_files import ArraySpec, read_arrays
+from trackers.user_input.text_file import AnyPath, as_path, refuse_unless_lifted
 
 _FEWEST_POINTS = 1000
 _STRAY = 0.0005

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, UInt32
 from trackers.errors import InputError
-from trackers.text_file import AnyPath, as_path
+from trackers.user_input.text_file import AnyPath, as_path
 
 
 @dataclass(frozen=True, eq=False)

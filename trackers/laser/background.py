@@ -25,7 +25,7 @@ from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.laser.bearings import BearingGrid, returns
 from trackers.observations import NS_PER_S, LaserScan
-from trackers.text_file import refuse_unless_lifted
+from trackers.user_input.text_file import refuse_unless_lifted
 
 logger = logging.getLogger(__name__)
 

@@ -18,8 +18,8 @@ from pydantic import Field, PositiveInt, model_validator
 from trackers.arrays import AnyArray, Array, Bool, Float, Float16, Index, Int, Int32, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict
-from trackers.former_options import warn_of_former_name
 from trackers.likelihood.colour import Linear, PersonColourOptions, SilhouetteOptions, SkinShareOptions, linear_log
+from trackers.user_input.former_options import warn_of_former_name
 from trackers.vision.head_colours import COLOURS, SHARES, HeadModel
 from trackers.vision.head_outlines import ASPECTS, Outlines, cells_shown, inner_points, outlines, ring_points
 from trackers.vision.stereo_picture import FOREGROUND, PackedPicture, mean_of, pixels_in, range_m, share_of

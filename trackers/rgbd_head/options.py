@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 
 from trackers.configuration import Strict, described
-from trackers.former_options import warn_of_former_name
 from trackers.likelihood.floor import EnvironmentLikelihoodOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.tracking.track_manager import TrackManagementOptions
+from trackers.user_input.former_options import warn_of_former_name
 from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.front_end import FrontEndOptions
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from trackers.paper_rules import PaperRule, options_of
-from trackers.plain_data import deep_merge
+from trackers.user_input.plain_data import deep_merge
 
 PAPER_RULES: tuple[PaperRule, ...] = (
     PaperRule("particles", "stated", "section 4.1", "N = 512", {"heads": 512}),

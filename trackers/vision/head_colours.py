@@ -22,11 +22,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Index, Int, Int16, Mask, Singles, UInt8
 from trackers.errors import InputError
 from trackers.filters.rows import Rows
-from trackers.text_file import AnyPath
+from trackers.user_input.array_files import ArraySpec, read_arrays
+from trackers.user_input.text_file import AnyPath
 from trackers.vision.head_outlines import CELLS
 
 STEPS = (16, 8, 8)

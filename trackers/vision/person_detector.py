@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Float32, Index, Int, Mask, Singles, UInt8
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
-from trackers.text_file import AnyPath
+from trackers.user_input.array_files import ArraySpec, read_arrays
+from trackers.user_input.text_file import AnyPath
 from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.person_windows import FloorPlaces
 

@@ -15,8 +15,8 @@ from pydantic import Field, PositiveInt, model_validator
 from trackers.arrays import AnyArray, Array, Bool, Complex, Float, Float32, Floats, Index, Int, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict
-from trackers.former_options import warn_of_former_name
 from trackers.observations import DepthImage, Image, Observation
+from trackers.user_input.former_options import warn_of_former_name
 from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, Hsv, HueSaturationValueBins
 from trackers.vision.front_end import CameraFrontEnd
 from trackers.vision.head_colours import LIT_SKIN

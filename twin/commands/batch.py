@@ -216,7 +216,7 @@ def coverage_study(
 ) -> None:
     """Measure the baseline coverage of a scenario: metrics, and a page with maps."""
     from trackers.configuration import validate
-    from trackers.former_options import warn_of_former_name
+    from trackers.user_input.former_options import warn_of_former_name
     from twin.console import print_paths
     from twin.scenario import load_scenario
     from twin.studies.run import print_coverage, write_coverage

@@ -171,10 +171,10 @@ def kind_of(subject: str) -> str:
 
     A YAML file is of the kind that knows most of its fields and misses fewest of its own. Raises InputError for none.
     """
-    from trackers.plain_data import parse_yaml
     from trackers.presets import available
     from trackers.rig import Rig
-    from trackers.text_file import read_text
+    from trackers.user_input.plain_data import parse_yaml
+    from trackers.user_input.text_file import read_text
     from twin import models
     from twin.scenario.load import ScenarioFile
     from twin.studies.spec import Study

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import parse_number
+from trackers.user_input.plain_data import parse_number
 from twin.command_options import (
     AllowPlugins,
     Duration,

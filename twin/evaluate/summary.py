@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.scipy_functions import linear_sum_assignment
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 from twin.evaluate.accuracy import PersonFrames, disposal, person_frames, within_radius
 from twin.evaluate.causes import Errors, errors_by_cause, misplaced
 from twin.evaluate.clear import ClearScores, FrameMatches, PairMatrix, clear, find_switches, identity, match_frames

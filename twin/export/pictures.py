@@ -23,9 +23,9 @@ from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.plain_data import dump_yaml, parse_json
 from trackers.rig import CameraSensor, Rig
-from trackers.text_file import AnyPath, as_path, read_text
+from trackers.user_input.plain_data import dump_yaml, parse_json
+from trackers.user_input.text_file import AnyPath, as_path, read_text
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning, printable_name
 from twin.recording.bags.bag import Copies, decoded, open_bag

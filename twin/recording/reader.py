@@ -14,7 +14,7 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
-from trackers.text_file import AnyPath, as_path
+from trackers.user_input.text_file import AnyPath, as_path
 from twin.recording.bags.bag import Bag, Topic, open_bag
 from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correct_clocks
 from twin.recording.decoding import ObservationReader

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import AnyPath, as_path
 from trackers.tracks import Track, TrackFrame, listed
+from trackers.user_input.text_file import AnyPath, as_path
 from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns
 from twin.tables.contents import StampedRows, check_plausibility

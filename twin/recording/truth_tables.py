@@ -32,8 +32,8 @@ import numpy as np
 from trackers.area import Area
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.plain_data import parse_json
-from trackers.text_file import read_text
+from trackers.user_input.plain_data import parse_json
+from trackers.user_input.text_file import read_text
 from twin.recording.atomic_file import open_atomic, write_atomic
 from twin.recording.ros import topics
 from twin.recording.ros.ros_messages import json_object, rows_message

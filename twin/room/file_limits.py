@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from trackers.errors import InputError
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 
 MOST_DEEP = 100
 """Nesting of elements: MuJoCo accepts fewer than 500, and traverses them recursively."""

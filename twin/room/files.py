@@ -17,7 +17,7 @@ from pathlib import Path, PureWindowsPath
 from xml.etree import ElementTree
 
 from trackers.errors import InputError
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 from twin.room.file_limits import MOST_BYTES, MOST_TEXT_BYTES, bytes_asked, check_bytes, check_counts, check_depth
 
 _DEFORMABLE = (

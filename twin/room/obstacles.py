@@ -15,7 +15,7 @@ import numpy as np
 from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array, Mask, Planar
 from trackers.errors import InputError
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 from twin.geometry.geom_hull import hull_points, stands_still
 from twin.geometry.polygon import ConvexHull, gap_between, polygon_area
 

@@ -26,8 +26,8 @@ from trackers.observations import LaserScan, Observation, Odometry
 from trackers.presets import PRESETS
 from trackers.prior import Prior
 from trackers.rig import Rig
-from trackers.text_file import AnyPath
 from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
+from trackers.user_input.text_file import AnyPath
 from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
 from twin.recording.ros.scan_messages import RangeUnits, StandingScanners

@@ -19,10 +19,10 @@ from pydantic import Field
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import parse_yaml
 from trackers.presets import available
 from trackers.rig import NO_PRIOR, PriorFiles, Rig, files_within, missing_file
-from trackers.text_file import AnyPath, is_file
+from trackers.user_input.plain_data import parse_yaml
+from trackers.user_input.text_file import AnyPath, is_file
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
 from twin.scenario.run_size import check_size

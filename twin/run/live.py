@@ -15,7 +15,7 @@ from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
-from trackers.text_file import AnyPath, as_path
+from trackers.user_input.text_file import AnyPath, as_path
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import lines

@@ -14,8 +14,8 @@ import numpy as np
 
 from trackers.errors import LimitError
 from trackers.rig import PriorFiles
-from trackers.text_file import check_limit
 from trackers.tracks import background_learned_causally, unused_sensors
+from trackers.user_input.text_file import check_limit
 from twin import version_of
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import MOST_PAIRS, PAIRS, Evaluation

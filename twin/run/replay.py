@@ -18,8 +18,8 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import PriorFiles
-from trackers.text_file import AnyPath, as_path
 from trackers.tracks import TrackFrame
+from trackers.user_input.text_file import AnyPath, as_path
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import write_atomic

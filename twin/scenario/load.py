@@ -14,10 +14,10 @@ from pydantic import BaseModel, Field
 
 from trackers.configuration import keys_of, validate
 from trackers.errors import InputError, valid_names
-from trackers.former_options import checked_current_names, current_path
-from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
-from trackers.text_file import AnyPath, as_path
+from trackers.user_input.former_options import checked_current_names, current_path
+from trackers.user_input.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml_value
+from trackers.user_input.text_file import AnyPath, as_path
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
 from twin.scenario.pedestrians import Pedestrians, people_from

@@ -16,7 +16,7 @@ from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import Point2
-from trackers.text_file import MOST_TEXT_BYTES
+from trackers.user_input.text_file import MOST_TEXT_BYTES
 from twin.scenario.action import JUMP_M_S
 from twin.tables.columns import MAX_INT64
 from twin.tables.contents import check_plausibility, label_order

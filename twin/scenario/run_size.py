@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
 
-from trackers.text_file import refuse_unless_lifted
+from trackers.user_input.text_file import refuse_unless_lifted
 from twin.messages import counted
 from twin.scenario.camera_descriptions import PinholeDescription, StereoDescription
 from twin.scenario.sensor_descriptions import AnyDescription, FisheyeDescription, FloorDescription

@@ -9,7 +9,7 @@ from typing import Any
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml
+from trackers.user_input.plain_data import dump_yaml
 from twin import models
 from twin.recording.atomic_file import write_atomic
 from twin.scenario import Scenario

@@ -12,8 +12,8 @@ import numpy as np
 from rich.console import Console
 
 from trackers.errors import InputError
-from trackers.plain_data import parse_json
-from trackers.text_file import read_text
+from trackers.user_input.plain_data import parse_json
+from trackers.user_input.text_file import read_text
 from twin.console import PlainConsole, print_table, print_warning
 from twin.messages import counted
 from twin.recording.atomic_file import write_csv

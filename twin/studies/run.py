@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml
+from trackers.user_input.plain_data import dump_yaml
 from twin.console import PlainConsole, print_warning, print_warnings
 from twin.models import cache_folder
 from twin.recording.atomic_file import write_atomic

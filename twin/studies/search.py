@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from trackers.text_file import refuse_unless_lifted
+from trackers.user_input.text_file import refuse_unless_lifted
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage
 from twin.studies.set_cover import Cover, CoverProblem, exact, greedy

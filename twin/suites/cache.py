@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.plain_data import parse_number
+from trackers.user_input.plain_data import parse_number
 from twin.console import print_warning
 from twin.recording.atomic_file import NO_SPACE
 

@@ -20,8 +20,8 @@ from typing import Any
 import trackers
 import twin
 from trackers.errors import InputError
-from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS, available
+from trackers.user_input.plain_data import parse_yaml
 from twin import version_of
 from twin.models import MODELS
 from twin.room.files import room_files

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
-from trackers.plain_data import parse_number
 from trackers.scheduler import check_scheduler, connected
+from trackers.user_input.plain_data import parse_number
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster

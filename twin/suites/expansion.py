@@ -14,7 +14,7 @@ from pathlib import Path
 from trackers.errors import InputError, raise_faults
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, PriorFiles
-from trackers.text_file import refuse_unless_lifted
+from trackers.user_input.text_file import refuse_unless_lifted
 from twin import models
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth

@@ -18,8 +18,8 @@ from pydantic import Field
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
-from trackers.plain_data import parse_json
-from trackers.text_file import read_text
+from trackers.user_input.plain_data import parse_json
+from trackers.user_input.text_file import read_text
 from twin.messages import counted
 from twin.recording.atomic_file import write_atomic
 from twin.run.out_folder import check_others, locked_folder

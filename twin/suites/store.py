@@ -19,7 +19,7 @@ from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat, Json, TypeA
 
 from trackers.configuration import Typed
 from trackers.errors import InputError
-from trackers.plain_data import parse_json
+from trackers.user_input.plain_data import parse_json
 from twin.suites.cache_keys import Provenance
 from twin.suites.expansion import Case
 from twin.suites.metrics import Bound, Tolerance, check_ranges

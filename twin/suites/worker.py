@@ -21,7 +21,7 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.plain_data import parse_yaml
+from trackers.user_input.plain_data import parse_yaml
 from twin.console import print_warning
 from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation

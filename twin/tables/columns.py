@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import check_limit, read_text, refuse_unless_lifted
+from trackers.user_input.text_file import check_limit, read_text, refuse_unless_lifted
 
 LONGEST_LINE = 100_000
 """Greatest number of characters of a row: each of its cells takes some sixty bytes."""

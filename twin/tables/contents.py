@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import check_limit, read_text
+from trackers.user_input.text_file import check_limit, read_text
 from twin.tables.columns import MAX_INT64, Cells, CsvColumns, columns_of, is_number
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from trackers.area import check_polygon
 from trackers.arrays import Array
 from trackers.errors import InputError
-from trackers.text_file import are_limits_lifted, check_limit
+from trackers.user_input.text_file import are_limits_lifted, check_limit
 from twin import models
 from twin.geometry.geom_hull import check_extent
 from twin.people.crowd.routes import Routes

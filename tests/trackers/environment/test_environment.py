@@ -16,7 +16,7 @@ from trackers.environment import (
     build_environment,
 )
 from trackers.errors import InputError
-from trackers.text_file import NO_LIMITS
+from trackers.user_input.text_file import NO_LIMITS
 
 VOXEL_M = 0.05
 

@@ -12,8 +12,8 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES
 from trackers.laser_vision_learning.rules import PAPER_RULES as LEARNING_RULES
 from trackers.paper_rules import KINDS, at_paths, option_paths, options_of, rules_markdown
-from trackers.plain_data import deep_merge
 from trackers.rgbd_head.rules import PAPER_RULES as HEAD_RULES
+from trackers.user_input.plain_data import deep_merge
 from twin.suites.spec import load_suite
 
 VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")

@@ -179,7 +179,7 @@ def test_new_suite_and_study_are_ones(here: Path) -> None:
     suite, path = load_suite(here / "gate.yaml")
     assert len(expand(suite, path)) == suite.n_case == 12
     _twin("new", "study", "--out", "places.yaml")
-    from trackers.plain_data import parse_yaml
+    from trackers.user_input.plain_data import parse_yaml
 
     study = Study.model_validate(parse_yaml(Path("places.yaml").read_text(), "places.yaml", "a study"))
     assert study.name == "places"

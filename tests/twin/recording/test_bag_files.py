@@ -17,7 +17,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml, parse_yaml
+from trackers.user_input.plain_data import dump_yaml, parse_yaml
 from twin.recording.reader import Recording
 
 MAGIC = b"\x89MCAP0\r\n"

@@ -18,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
-from trackers.text_file import NO_LIMITS
+from trackers.user_input.text_file import NO_LIMITS
 from twin.recording.bags import bounded_readers
 from twin.recording.bags.bag import open_bag
 from twin.recording.bags.bounded_readers import zstd, zstd_bound

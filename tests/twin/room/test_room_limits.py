@@ -13,7 +13,7 @@ from command_line import twin
 from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
-from trackers.text_file import NO_LIMITS
+from trackers.user_input.text_file import NO_LIMITS
 from twin.room.files import ROOM_ROOT, room_files
 from twin.world.scene import build_scene
 

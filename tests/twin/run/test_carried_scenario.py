@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from trackers.errors import InputError
-from trackers.text_file import NO_LIMITS
+from trackers.user_input.text_file import NO_LIMITS
 from twin.run.inputs import scenario_of
 from twin.scenario import load_scenario
 

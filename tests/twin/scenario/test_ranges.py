@@ -17,8 +17,8 @@ from test_strict_conversion import models_in, scalars
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.plain_data import parse_yaml
 from trackers.rig import Rig
+from trackers.user_input.plain_data import parse_yaml
 from twin import models
 from twin.recording.reader import Recording
 from twin.run.live import run_scenario

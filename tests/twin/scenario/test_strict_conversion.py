@@ -16,9 +16,9 @@ from typing_extensions import TypeAliasType
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from trackers.presets import PRESETS
 from trackers.rig import Rig
+from trackers.user_input.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from twin.scenario import load_scenario
 from twin.scenario.load import DrawableScenarioFile, ScenarioFile
 from twin.studies.spec import Study

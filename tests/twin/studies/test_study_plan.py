@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from trackers.plain_data import dump_yaml
+from trackers.user_input.plain_data import dump_yaml
 from twin.scenario import load_scenario
 from twin.studies.candidate_set import building_of
 from twin.studies.devices import Cable, Constraints, KeepFreeZone

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS
+from trackers.user_input.plain_data import parse_yaml
 from twin import models
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import driven

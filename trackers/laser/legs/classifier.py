@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.gating import distances
 from trackers.laser.clusters import Clusters
 from trackers.laser.legs.features import NAMES, cluster_features
 from trackers.observations import LaserScan
-from trackers.text_file import AnyPath
+from trackers.user_input.array_files import ArraySpec, read_arrays
+from trackers.user_input.text_file import AnyPath
 
 SHIPPED = Path(__file__).with_name("legs.npz")
 """File that `scripts/learn-legs` wrote."""

@@ -27,7 +27,7 @@ from rosbags.typesys.store import Typestore
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import normal_topic
-from trackers.text_file import refuse_unless_lifted
+from trackers.user_input.text_file import refuse_unless_lifted
 from twin.recording.bags.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bags.bag_files import BagPath
 from twin.recording.bags.bounded_readers import MOST_CHUNK_BYTES, open_reader

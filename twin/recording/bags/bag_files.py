@@ -24,7 +24,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer, metadata, storage_mcap, storage_sqlite3, writer
 
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
+from trackers.user_input.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from twin.recording.atomic_file import unwritable
 from twin.recording.bags.bag_damage import MCAP_MAGIC
 from twin.recording.ros.message_types import typestore

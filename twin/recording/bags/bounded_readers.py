@@ -30,7 +30,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from trackers.errors import InputError
-from trackers.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
+from trackers.user_input.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
 from twin.recording.bags.bag_damage import MCAP_MAGIC
 from twin.recording.bags.bag_files import readable_metadata
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
-from trackers.text_file import AnyPath, read_text
+from trackers.user_input.text_file import AnyPath, read_text
 from twin.recording.bags.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
 from twin.recording.rig_of_bag.rig_checks import kind_of_lens, with_intrinsics

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.text_file import check_limit
+from trackers.user_input.text_file import check_limit
 
 _BAYER = {
     "bayer_rggb": cv2.COLOR_BayerRGGB2RGB,

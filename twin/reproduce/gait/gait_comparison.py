@@ -12,7 +12,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.errors import InputError
-from trackers.text_file import read_text
+from trackers.user_input.text_file import read_text
 from twin.messages import OnProgress, no_progress
 from twin.reproduce.gait.stride import (
     STANCE_POINTS,

@@ -16,11 +16,11 @@ from types import ModuleType
 import pytest
 import yaml
 
-from trackers import plain_data
 from trackers.errors import InputError
-from trackers.plain_data import parse_json, parse_yaml, parse_yaml_value
 from trackers.rig import Rig
-from trackers.text_file import read_text
+from trackers.user_input import plain_data
+from trackers.user_input.plain_data import parse_json, parse_yaml, parse_yaml_value
+from trackers.user_input.text_file import read_text
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{after}: &{after} [{', '.join([f'*{before}'] * 9)}]\n" for before, after in pairwise("abcdefghi")
@@ -188,7 +188,7 @@ def test_any_text_is_written_so_that_it_is_read_again_with_libyaml_and_without(w
 
 @pytest.mark.parametrize("folder", ["scenarios", "suites", "studies"])
 def test_shipped_files_are_the_same_without_libyaml(folder: str, without_libyaml: ModuleType) -> None:
-    paths = sorted((Path(__file__).parents[2] / "models" / folder).glob("*.yaml"))
+    paths = sorted((Path(__file__).parents[3] / "models" / folder).glob("*.yaml"))
     assert paths
     for path in paths:
         content = parse_yaml(read_text(path, ""), "", "")

@@ -30,7 +30,7 @@ from yaml.resolver import BaseResolver, Resolver
 from yaml.scanner import Scanner
 
 from trackers.errors import InputError
-from trackers.text_file import are_limits_lifted
+from trackers.user_input.text_file import are_limits_lifted
 
 try:
     from yaml.cyaml import CParser as _Events, CSafeDumper as _SafeDumper

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from trackers.errors import InputError
-from trackers.plain_data import deep_merge
+from trackers.user_input.plain_data import deep_merge
 
 logger = logging.getLogger(__name__)
 

@@ -23,7 +23,7 @@ from trackers.environment import (
     save_environment,
 )
 from trackers.errors import InputError
-from trackers.text_file import NO_LIMITS
+from trackers.user_input.text_file import NO_LIMITS
 from trackers.vision.head_colours import SHIPPED as HEADS, load_head_model
 from trackers.vision.person_detector import SHIPPED as PEOPLE, PersonModel
 

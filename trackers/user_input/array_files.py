@@ -19,7 +19,7 @@ import numpy as np
 
 from trackers.arrays import AnyArray
 from trackers.errors import InputError
-from trackers.text_file import AnyPath, as_path, check_limit
+from trackers.user_input.text_file import AnyPath, as_path, check_limit
 
 _WORDS = {"U": "text is", "iu": "whole numbers are", "u": "bytes are", "f": "numbers are", "b": "booleans are"}
 _LONGEST_HEADER = 10_000

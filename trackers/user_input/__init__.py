@@ -1,0 +1,1 @@
+"""Input from users: text, plain data and arrays of bounded size, and former names of options."""
