@@ -243,6 +243,11 @@ class Reporting(Protocol):
         """The background is learned from the observations of the run, without an empty room. Default: no."""
         ...
 
+    @property
+    def report_frame(self) -> str | None:
+        """Name of the frame of the tracks, where it is not the one of the rig's poses. Default: that one."""
+        ...
+
     def finish(self) -> list[TrackFrame]:
         """Return the remaining frames after the last observation. Default: none."""
         ...
@@ -286,6 +291,11 @@ def background_learned_causally(tracker: Tracker) -> bool:
     return getattr(tracker, "background_learned_causally", False)
 
 
+def report_frame(tracker: Tracker) -> str | None:
+    """Return the frame of the tracks; None for the one of the rig's poses."""
+    return getattr(tracker, "report_frame", None)
+
+
 def finish_of(tracker: Tracker) -> Callable[[], list[TrackFrame]] | None:
     """Return the method that yields the remaining frames; None if the tracker has none."""
     return getattr(tracker, "finish", None)
@@ -318,6 +328,7 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
             isinstance(known, bool),
             yes_or_no,
         ),
+        ("report_frame", frame := report_frame(tracker), isinstance(frame, str | None), "a text or None is expected"),
         ("finish", end := finish_of(tracker), end is None or callable(end), "a method is expected"),
         ("detections", seen := detections_of(tracker), seen is None or callable(seen), "a method is expected"),
     ]

@@ -97,6 +97,11 @@ class LaserLegs(SynchronizedTracker):
         """Scanners whose poses could not be found, or that were tilted, and how often."""
         return self.scanners.warnings
 
+    @property
+    def report_frame(self) -> str | None:
+        """The frame that scan matching finds, where tracks leave in that."""
+        return "matched" if self.options.report_in == "matched" else None
+
     def detections(self) -> list[Detection]:
         """Return the legs of the frames of the last `update` or `finish`."""
         return self._seen

@@ -17,7 +17,7 @@ from trackers.errors import InputError, valid_names
 from twin import models
 from twin.command_options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, number, overrides
 from twin.commands.memory import exit_with_failures, loading
-from twin.messages import OnWarning
+from twin.messages import OnWarning, printable
 
 if TYPE_CHECKING:
     from twin.export.pictures import Recorded
@@ -79,7 +79,7 @@ def track(
         for name, evaluation in result.evaluations.items():
             judged = describe_judged(evaluation.stamps_ns, evaluation.metrics["judged"]["frames_total"])
             sys.stderr.write(f"twin: {name}: {judged}\n")
-    print_paths(result.files)
+    print_paths({**result.files, **{f"frame {name}": frame for name, frame in result.frames.items()}})
     exit_with_failures(result.failures)
 
 
@@ -157,14 +157,18 @@ def evaluate(
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import read_tracks, read_truth
     from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
-    from twin.tables.contents import sequence_info
+    from twin.tables.contents import sequence_info, sequence_info_of
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
     is_mot, n_frame = format_ == "mot", 0
     if is_mot:
-        rate_hz, n_frame = sequence_info(truth)
-        frame_rate = frame_rate if frame_rate is not None else rate_hz
+        info = sequence_info_of(truth) or sequence_info_of(tracks)
+        if info is not None:
+            rate_hz, n_frame = sequence_info(info)
+            used = "" if frame_rate in (None, rate_hz) else f"; --frame-rate {frame_rate:g} is used"
+            sys.stderr.write(f"twin: {printable(str(info))}: {rate_hz:g} frames a second, {n_frame} frames{used}\n")
+            frame_rate = frame_rate if frame_rate is not None else rate_hz
     how = MOST_TABLE_BYTES, frame_rate, "--frame-rate"
     tables = read_truth(truth, *how, mot=is_mot), read_tracks(tracks, *how, mot=is_mot)
     if is_mot:  # a frame without rows is a frame without people

@@ -10,25 +10,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
 from twin.evaluate.report_clock import (
     JITTER_SHARE,
+    MAX_TRUTH_GAP_NS,
     describe_silence,
+    is_covered,
+    longest_gap_ns,
+    paired_stamps,
+    pairing_ns,
+    people_at,
     report_clock,
     silent_stamps,
     span_of,
+    usual_gap_ns,
+    usual_interval_ns,
     with_stamps_between,
 )
-from twin.recording.tables import TRUTH_NUMBERS, TrackTable, TruthTable
+from twin.recording.tables import TrackTable, TruthTable
 
-MAX_TRUTH_GAP_NS = NS_PER_S // 4
-GAP_PERIODS = 2.5  # of a person's usual interval between rows: one row may be missing, not two
 NOTED_SHARE = 0.02  # share of frames not judged above which a note is made
 MOST_BETWEEN = 64  # stamps between two rows of sparse truth: bounds the work
-_ANGLES = ("yaw", "head_yaw")
 LEAST_SHARE = 0.5  # share of judged frames below which metrics mean little
 
 
@@ -82,7 +86,8 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
     """Find the judged frames, and the people and tracks in each.
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
-    them at most 0.25 s or 2.5 usual intervals between a person's rows apart. Where the tracker was silent (see
+    them at most 0.25 s or 2.5 usual intervals between a person's rows apart, or nearer than half a period to one of them (of the
+    truth or the tracks, the shorter), where people are as at that one. Where the tracker was silent (see
     `report_clock`), one stamp per period of the silence is judged too, without tracks: the nearest of the truth's stamps, or
     one between two if the truth's rows are rarer than the tracker's frames. An isolated stamp of the truth is not judged.
     Without any frame of tracks, every stamp of the truth is judged. A person is at their row's position at that stamp, else
@@ -93,9 +98,11 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
     """
     if truth.frame_stamps_ns.size == 0:
         raise InputError(f"{truth.source}: holds no rows; at least one row of truth is expected")
-    usual_ns = _usual_interval_ns(truth)
-    gap_ns = _longest_gap_ns(truth)
-    reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
+    usual_ns = usual_interval_ns(truth)
+    gap_ns = longest_gap_ns(truth)
+    near_ns = pairing_ns(truth, usual_gap_ns(tracks.frame_stamps_ns))
+    paired = paired_stamps(truth.frame_stamps_ns, tracks.frame_stamps_ns, near_ns)
+    reported = tracks.frame_stamps_ns[is_covered(truth.frame_stamps_ns, paired, gap_ns)]
     if tracks.frame_stamps_ns.size and reported.size == 0:
         raise _nothing_shared(truth, tracks, gap_ns)
     near = _drop_isolated_stamps(truth.frame_stamps_ns, gap_ns)
@@ -107,7 +114,7 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
         near = with_stamps_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
     silent = silent_stamps(near, tracks.frame_stamps_ns, clock)
     stamps = np.union1d(reported, silent)
-    frames = _frames_at(truth, tracks, stamps, gap_ns)
+    frames = _frames_at(truth, tracks, stamps, gap_ns, near_ns)
     n_total = int(tracks.frame_stamps_ns.size + silent.size)
     notes = []
     if gap_ns > MAX_TRUTH_GAP_NS and not np.isin(reported, truth.frame_stamps_ns).all():
@@ -136,9 +143,11 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
     return Alignment(frames, n_total, tuple(notes))
 
 
-def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64], gap_ns: int) -> list[Frame]:
+def _frames_at(
+    truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64], gap_ns: int, near_ns: int
+) -> list[Frame]:
     """Collect the people and tracks at each of these stamps (f,)."""
-    people = _people_at(truth, stamps, gap_ns)
+    people = people_at(truth, stamps, gap_ns, near_ns)
     xy = np.column_stack([people.x, people.y])
     pose = np.column_stack([people.head_x, people.head_y, people.head_z, people.head_yaw, people.z])
     bounds = np.searchsorted(people.stamps_ns, np.append(stamps, stamps[-1:] + 1))
@@ -211,15 +220,6 @@ def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -
     return kept
 
 
-def _usual_interval_ns(truth: TruthTable) -> float:
-    """Compute the median interval between a person's rows [ns]; between frames if no person has two rows."""
-    order = np.lexsort((truth.stamps_ns, truth.id))
-    same = np.diff(truth.id[order]) == 0
-    own = np.diff(truth.stamps_ns[order])[same]
-    intervals = own if own.size else np.diff(truth.frame_stamps_ns)
-    return float(np.median(intervals)) if intervals.size else 0.0
-
-
 def _drop_isolated_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
     """Keep the stamps (n,) that have another within `gap_ns`; all of them if none has."""
     if stamps.size < 2:
@@ -250,17 +250,17 @@ def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
     changes = {
         f"t of the tracks in {unit}": theirs // per_s
         for unit, per_s in _UNITS.items()
-        if _usual(theirs) > per_s * _LEAST_NS
+        if usual_gap_ns(theirs) > per_s * _LEAST_NS
     }
-    if _usual(ours) > 1000 * _LEAST_NS:
+    if usual_gap_ns(ours) > 1000 * _LEAST_NS:
         changes["t of the truth in ms"] = np.clip(theirs, -_MOST_NS, _MOST_NS) * 1000
     changes["t of both from their first rows on"] = theirs - theirs[0] + ours[0]
     share = {
-        how: float(_is_covered(ours, stamps, gap_ns).mean()) * np.unique(stamps).size / stamps.size
+        how: float(is_covered(ours, stamps, gap_ns).mean()) * np.unique(stamps).size / stamps.size
         for how, stamps in changes.items()
     }
     best = max(share, key=lambda how: share[how])
-    is_better = share[best] >= max(LEAST_SHARE, 2 * float(_is_covered(ours, theirs, gap_ns).mean()))
+    is_better = share[best] >= max(LEAST_SHARE, 2 * float(is_covered(ours, theirs, gap_ns).mean()))
     return f"; {best} would cover {share[best]:.0%} of the frames" if is_better else ""
 
 
@@ -268,11 +268,6 @@ _MOST_NS = np.iinfo(np.int64).max // 1000
 _LEAST_NS = NS_PER_S // 1000
 """Least time between two frames [ns]: a unit by which they come faster is not that of t."""
 _UNITS = {"ms": 1000, "µs": 1_000_000, "ns": 1_000_000_000}
-
-
-def _usual(stamps: NDArray[np.int64]) -> float:
-    """Return the usual time between two stamps (n,) [ns]; infinite without two."""
-    return float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
 
 
 def _finer_unit(truth: TruthTable, tracks: TrackTable) -> str:
@@ -289,58 +284,3 @@ def _finer_unit(truth: TruthTable, tracks: TrackTable) -> str:
 
 _ALIKE = 0.5
 """Least ratio of two tables' spans of time that are of one recording."""
-
-
-def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:
-    """Return at which stamps (n,) the truth is known, (n,)."""
-    if not truth_stamps.size:
-        return np.zeros(stamps.size, dtype=np.bool_)
-    before = np.searchsorted(truth_stamps, stamps, side="right") - 1
-    after = np.searchsorted(truth_stamps, stamps, side="left")
-    bracketed = (before >= 0) & (after < truth_stamps.size)
-    gap = truth_stamps[np.minimum(after, truth_stamps.size - 1)] - truth_stamps[np.maximum(before, 0)]
-    return bracketed & (gap <= gap_ns)
-
-
-def truth_at(truth: TruthTable, stamps: NDArray[np.int64]) -> TruthTable:
-    """Interpolate the truth at those of the stamps (f,), ascending [ns], at which it is known, by the rule of `align`."""
-    gap_ns = _longest_gap_ns(truth)
-    return _people_at(truth, stamps[_is_covered(truth.frame_stamps_ns, stamps, gap_ns)], gap_ns)
-
-
-def _longest_gap_ns(truth: TruthTable) -> int:
-    """Return the longest interval between two rows in which a person's position is known [ns]."""
-    return max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * _usual_interval_ns(truth)))
-
-
-def _people_at(truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int) -> TruthTable:
-    """Interpolate each person between their own rows at the stamps (f,), a frame each; flags and shares as in the nearer row."""
-    low, high, where = [], [], []
-    order = np.argsort(truth.id, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(truth.id[order])) + 1):
-        own = truth.stamps_ns[rows]
-        first, last = np.searchsorted(stamps, own[[0, -1]], side="left") if own.size else (0, 0)
-        there = first + np.flatnonzero(_is_covered(own, stamps[first : last + 1], gap_ns))
-        low.append(rows[np.searchsorted(own, stamps[there], side="right") - 1])
-        high.append(rows[np.searchsorted(own, stamps[there], side="left")])
-        where.append(there)
-    low, high, where = np.concatenate(low), np.concatenate(high), np.concatenate(where)
-    by_stamp = np.argsort(where, kind="stable")
-    low, high, where = low[by_stamp], high[by_stamp], where[by_stamp]
-    span = truth.stamps_ns[high] - truth.stamps_ns[low]
-    share = (stamps[where] - truth.stamps_ns[low]) / np.maximum(span, 1)  # 0 at a stamp of the person's own
-    numbers = {}
-    for name in TRUTH_NUMBERS:
-        values = getattr(truth, name)
-        change = values[high] - values[low]
-        numbers[name] = values[low] + share * (wrap_angle(change) if name in _ANGLES else change)
-    near = np.where(share <= 0.5, low, high)
-    return replace(
-        truth,
-        frame_stamps_ns=stamps,
-        stamps_ns=stamps[where],
-        id=truth.id[low],
-        **numbers,
-        in_area=truth.in_area[near],
-        visible={sensor: shown[near] for sensor, shown in truth.visible.items()},
-    )

@@ -1,14 +1,15 @@
-"""Reporting clock of a tracker: its period, and due frames that the tracker did not report."""
+"""Clocks of tables: a tracker's period, due frames that it did not report, and the truth at any stamps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import wrap_angle
 from trackers.observations import NS_PER_S
-from twin.recording.tables import TrackTable, TruthTable
+from twin.recording.tables import TRUTH_NUMBERS, TrackTable, TruthTable
 
 SILENCE_FACTOR = 1.5
 USUAL_SHARE = 0.8  # share of the gaps between frames: what most gaps are
@@ -18,7 +19,10 @@ SHARED_SINGLE_SHARE = 0.4  # the same if the tracker reports at the stamps of a 
 NOTED_END_SHARE = 0.1  # share of all rows of people that lie beyond a table of tracks, above which a note is made
 NOTED_END_S = 2.0  # least time beyond a table of tracks of which a note is made [s]
 TICK_SHARE = 0.15  # of a period: greatest deviation of a gap from whole periods, by jitter
+MAX_TRUTH_GAP_NS = NS_PER_S // 4
+GAP_PERIODS = 2.5  # of a person's usual interval between rows: one row may be missing, not two
 JITTER_SHARE = 0.25  # of a period: jitter of a frame due, as of one just outside the truth's span
+_ANGLES = ("yaw", "head_yaw")
 
 
 @dataclass(frozen=True)
@@ -190,3 +194,95 @@ def empty_ends(truth: TruthTable, tracks: TrackTable) -> list[str]:
         f"{tracks.source}: its tracks span {span_of(tracks.stamps_ns)}, people are in the area from {span_of(people)} by "
         f"{truth.source}: {share:.0%} of their rows come before or after all tracks, and count as missed"
     ]
+
+
+def usual_interval_ns(truth: TruthTable) -> float:
+    """Compute the median interval between a person's rows [ns]; between frames if no person has two rows."""
+    order = np.lexsort((truth.stamps_ns, truth.id))
+    same = np.diff(truth.id[order]) == 0
+    own = np.diff(truth.stamps_ns[order])[same]
+    intervals = own if own.size else np.diff(truth.frame_stamps_ns)
+    return float(np.median(intervals)) if intervals.size else 0.0
+
+
+def usual_gap_ns(stamps: NDArray[np.int64]) -> float:
+    """Return the usual time between two stamps (n,) [ns]; infinite without two."""
+    return float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
+
+
+def is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:
+    """Return at which stamps (n,) the truth is known, (n,)."""
+    if not truth_stamps.size:
+        return np.zeros(stamps.size, dtype=np.bool_)
+    before = np.searchsorted(truth_stamps, stamps, side="right") - 1
+    after = np.searchsorted(truth_stamps, stamps, side="left")
+    bracketed = (before >= 0) & (after < truth_stamps.size)
+    gap = truth_stamps[np.minimum(after, truth_stamps.size - 1)] - truth_stamps[np.maximum(before, 0)]
+    return bracketed & (gap <= gap_ns)
+
+
+def truth_at(truth: TruthTable, stamps: NDArray[np.int64], frames_ns: NDArray[np.int64]) -> TruthTable:
+    """Interpolate the truth at those of the stamps (f,), ascending [ns], at which it is known, by the rule of `align`.
+
+    frames_ns: stamps of the sensor at which tracks are reported [ns], for their period.
+    """
+    gap_ns, near_ns = longest_gap_ns(truth), pairing_ns(truth, usual_gap_ns(np.unique(frames_ns)))
+    paired = paired_stamps(truth.frame_stamps_ns, stamps, near_ns)
+    return people_at(truth, stamps[is_covered(truth.frame_stamps_ns, paired, gap_ns)], gap_ns, near_ns)
+
+
+def pairing_ns(truth: TruthTable, period_ns: float) -> int:
+    """Return the time within which a stamp is that of the truth's nearest frame [ns]: tables round, clocks jitter."""
+    shorter_ns = min(period_ns, usual_gap_ns(truth.frame_stamps_ns))
+    return int(shorter_ns / 2) if np.isfinite(shorter_ns) else 0
+
+
+def paired_stamps(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], near_ns: int) -> NDArray[np.int64]:
+    """Return the truth's stamp nearest to each stamp (n,) within this time, else the stamp itself, (n,) ascending."""
+    after = np.searchsorted(truth_stamps, stamps).clip(1, max(truth_stamps.size - 1, 1))
+    before, after = (truth_stamps[np.minimum(each, truth_stamps.size - 1)] for each in (after - 1, after))
+    nearest = np.where(stamps - before < after - stamps, before, after)
+    return np.where(abs(nearest - stamps) <= near_ns, nearest, stamps)
+
+
+def longest_gap_ns(truth: TruthTable) -> int:
+    """Return the longest interval between two rows in which a person's position is known [ns]."""
+    return max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * usual_interval_ns(truth)))
+
+
+def people_at(truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int, near_ns: int) -> TruthTable:
+    """Interpolate each person between their own rows at the stamps (f,), a frame each; flags and shares as in the nearer row."""
+    low, high, where = [], [], []
+    paired = paired_stamps(truth.frame_stamps_ns, stamps, near_ns)
+    order = np.argsort(truth.id, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(truth.id[order])) + 1):
+        own = truth.stamps_ns[rows]
+        first, last = (
+            (np.searchsorted(paired, own[0]), np.searchsorted(paired, own[-1], "right")) if own.size else (0, 0)
+        )
+        between = is_covered(own, stamps[first:last], gap_ns)
+        there = np.flatnonzero(between | np.isin(paired[first:last], own))
+        at = np.where(between, stamps[first:last], paired[first:last])[there]
+        low.append(rows[np.searchsorted(own, at, side="right") - 1])
+        high.append(rows[np.searchsorted(own, at, side="left")])
+        where.append(first + there)
+    low, high, where = np.concatenate(low), np.concatenate(high), np.concatenate(where)
+    by_stamp = np.argsort(where, kind="stable")
+    low, high, where = low[by_stamp], high[by_stamp], where[by_stamp]
+    span = truth.stamps_ns[high] - truth.stamps_ns[low]
+    share = (stamps[where] - truth.stamps_ns[low]) / np.maximum(span, 1)  # 0 at a stamp of the person's own
+    numbers = {}
+    for name in TRUTH_NUMBERS:
+        values = getattr(truth, name)
+        change = values[high] - values[low]
+        numbers[name] = values[low] + share * (wrap_angle(change) if name in _ANGLES else change)
+    near = np.where(share <= 0.5, low, high)
+    return replace(
+        truth,
+        frame_stamps_ns=stamps,
+        stamps_ns=stamps[where],
+        id=truth.id[low],
+        **numbers,
+        in_area=truth.in_area[near],
+        visible={sensor: shown[near] for sensor, shown in truth.visible.items()},
+    )

@@ -8,7 +8,7 @@ none.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from trackers.observations import LaserScan
 from trackers.tracks import Track, TrackFrame
 from twin.export.pictures import TRACK_NUMBERS, Recorded
+from twin.recording.bags.bag import open_bag
 from twin.recording.bags.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.recording.ros import topics
@@ -45,7 +46,8 @@ def export_foxglove(recordings: Sequence[Recorded], out: Path) -> None:
 
         target, own = out / f"{recorded.name}.mcap", recorded.own_truth
         copy_with_tracks(recorded.recording, target, names, frames, recorded.on_warning, add=add, truth=own)
-        layout = json.dumps(foxglove_layout(recorded.recording, names), indent=2)
+        with open_bag(target) as copy:
+            layout = json.dumps(foxglove_layout(recorded.recording, names, copy.topics), indent=2)
         (out / f"{recorded.name}.layout.json").write_text(layout + "\n", encoding="utf-8")
 
 
@@ -94,8 +96,8 @@ def point_cloud(scan: LaserScan, frame: str, stamp_ns: int) -> memoryview:
     return TYPESTORE.serialize_cdr(message, POINT_CLOUD)
 
 
-def foxglove_layout(recording: Recording, trackers: Sequence[str]) -> dict[str, Any]:
-    """Return a layout: the room in 3D with points, truth, tracks and outline, and a panel per camera."""
+def foxglove_layout(recording: Recording, trackers: Sequence[str], held: Collection[str]) -> dict[str, Any]:
+    """Return a layout: the room in 3D with what the copy holds (`held`): points, truth, tracks, outline; and each camera."""
     shown: dict[str, Any] = {
         topics.sensor_topic(name, _POINTS): _points_style(n) for n, name in enumerate(recording.rig.lasers())
     }
@@ -105,6 +107,7 @@ def foxglove_layout(recording: Recording, trackers: Sequence[str]) -> dict[str, 
         *(markers_topic(each) for each in track_topics(trackers).values()),
     ]
     shown |= {topic: {"visible": True} for topic in markers}
+    shown = {topic: style for topic, style in shown.items() if topic in held}
     room = {
         "cameraState": {
             "distance": 12, "perspective": True, "phi": 45, "thetaOffset": 45, "fovy": 45, "near": 0.5, "far": 5000,

@@ -8,6 +8,7 @@ JPEG or PNG; raw and other pictures become PNG. `export_images` writes a folder 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, Rig
 from trackers.user_input.plain_data import dump_yaml, parse_json
 from trackers.user_input.text_file import AnyPath, as_path, read_text
-from twin.evaluate.judged_frames import truth_at
+from twin.evaluate.report_clock import truth_at
 from twin.messages import OnWarning, printable_name
 from twin.recording.bags.bag import Copies, decoded, open_bag
 from twin.recording.reader import Recording
@@ -35,6 +36,7 @@ from twin.recording.ros.colour_images import check_picture, decode_compressed, d
 from twin.recording.ros.depth_images import PNG_FORMAT, decode_depth, encode_png
 from twin.recording.ros.ros_messages import COMPRESSED_IMAGE, STRING
 from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, TruthTable, read_tracks, seconds_cell
+from twin.recording.track_topics import tracker_names
 from twin.recording.truth_tables import ABOUT, read_own_truth, truth_frames
 from twin.run.inputs import scenario_of
 from twin.scenario import Scenario
@@ -43,7 +45,6 @@ from twin.truth.truth_types import TruthFrame
 RECORDING = "recording.mcap"
 TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")
 """Numeric columns of a table of tracks, after t and id."""
-_TRACKS = "/tracks/"
 _LONGEST_S = 1e9
 
 
@@ -106,7 +107,8 @@ def open_recorded(
     if tables is None and is_run:
         tables = {each.stem: each for each in sorted((path / "tracks").glob("*.csv"))}
     tracks = _tracks_in(recording) if tables is None else {each: read_tracks(file) for each, file in tables.items()}
-    own_name = printable_name(path.resolve().name if is_run else _bag_name(path.resolve()))
+    whole = path.resolve()
+    own_name = printable_name(whole.name if is_run else whole.parent.name if path.name == RECORDING else whole.stem)
     return Recorded(name or own_name, recording, tracks, of_run, own, on_warning, name or str(recording.path))
 
 
@@ -115,7 +117,7 @@ def _own_truth(path: Path, recording: Recording, on_warning: OnWarning) -> Truth
     table = read_own_truth(path, recording)
     main = recording.rig.main_sensor
     frames = np.unique(recording.stamps_of(main))
-    found = truth_at(table, recording.all_stamps_ns())
+    found = truth_at(table, recording.all_stamps_ns(), frames)
     known = np.isin(frames, found.frame_stamps_ns)
     for note in table.notes:
         on_warning(note)
@@ -148,36 +150,33 @@ def _about(folder: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
-def _bag_name(path: Path) -> str:
-    return path.parent.name if path.name == RECORDING else path.stem
-
-
 def _tracks_in(recording: Recording) -> dict[str, TrackTable]:
     """Read the tracks that a bag holds under `/tracks`, by tracker.
 
     Their stamps are those that they state; an empty frame, which states none, has its log time.
     """
     found: dict[str, list[dict[str, Any]]] = {
-        name.removeprefix(_TRACKS): []
+        name: []
         for name, topic in recording.topics.items()
-        if name.startswith(_TRACKS) and name.count("/") == 2 and name != "/tracks/start" and topic.msgtype == STRING
+        if re.fullmatch(r"/tracks/(?!start$)[^/]+", name) and topic.msgtype == STRING
     }
-    stamps: dict[str, list[int]] = {name: [] for name in found}
+    stamps: dict[str, list[int]] = {topic: [] for topic in found}
     with open_bag(recording.path) as bag:
-        for topic, log_time_ns, message in bag.messages([_TRACKS + name for name in found]):
-            name, stamp_ns = topic.removeprefix(_TRACKS), log_time_ns - recording.start_ns - recording.logged_after_ns
+        for topic, log_time_ns, message in bag.messages(found):
+            stamp_ns = log_time_ns - recording.start_ns - recording.logged_after_ns
             try:
                 rows = json.loads(message.data)
                 stated = {float(row["t"]) for row in rows if row.get("t") is not None}
                 if len(stated) == 1 and abs(t := stated.pop()) < _LONGEST_S:
                     stamp_ns = round(t * NS_PER_S)
-                found[name] += [{**row, "stamp_ns": stamp_ns} for row in rows if row["id"] is not None]
+                found[topic] += [{**row, "stamp_ns": stamp_ns} for row in rows if row["id"] is not None]
             except (ValueError, KeyError, TypeError) as error:
                 raise InputError(
                     f"{recording.path}: topic {topic}: holds {message.data[:60]!r}; a JSON list of tracks is expected"
                 ) from error
-            stamps[name].append(stamp_ns)
-    return {name: _table(f"{recording.path}, {_TRACKS}{name}", stamps[name], rows) for name, rows in found.items()}
+            stamps[topic].append(stamp_ns)
+    names = tracker_names(found)
+    return {names[each]: _table(f"{recording.path}, {each}", stamps[each], rows) for each, rows in found.items()}
 
 
 def _table(source: str, stamps: list[int], rows: list[dict[str, Any]]) -> TrackTable:

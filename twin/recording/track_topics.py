@@ -6,7 +6,7 @@ The copy is a ROS 2 bag, whatever the recording was, so that scans and tracks ca
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,24 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from trackers.errors import InputError
+from trackers.presets import available
 from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
 from twin.recording.atomic_file import check_writable
 from twin.recording.bags.bag_files import McapFile
 from twin.recording.ros import topics
-from twin.recording.ros.message_types import TYPESTORE, TFMessage, normal_type
+from twin.recording.ros.message_types import (
+    TRANSFORM_MESSAGES,
+    TYPESTORE,
+    Header,
+    Quaternion,
+    TFMessage,
+    Time,
+    Transform,
+    TransformStamped,
+    Vector3,
+    normal_type,
+)
 from twin.recording.ros.ros_messages import STRING, json_object, rows_message, string_message
 from twin.recording.tables import TRACK_COLUMNS, FrameText, TruthTable, track_cells
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people
@@ -29,7 +41,9 @@ from twin.recording.truth_tables import DETAIL_TOPICS, truth_frames
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
 
 if TYPE_CHECKING:  # a run without a recording to read imports no reader: a tenth of its start
+    from twin.recording.bags.bag import Bag
     from twin.recording.reader import Recording
+    from twin.recording.rig_of_bag.transforms import Edge
 
 _STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  # within the truth's cylinders
 
@@ -43,6 +57,12 @@ def track_topics(trackers: Sequence[str]) -> dict[str, str]:
             topic += "_"
         found[name] = topic
     return found
+
+
+def tracker_names(topics: Iterable[str]) -> dict[str, str]:
+    """Return the tracker of each topic: the known one whose tracks go by it, as `laser-imm`; else the topic's last part."""
+    known = {topic: name for name, topic in track_topics(list(available())).items()}
+    return {topic: known.get(topic, topic.rpartition("/")[2]) for topic in topics}
 
 
 def markers_topic(topic: str) -> str:
@@ -106,8 +126,9 @@ def copy_with_tracks(
     """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, the truth, and what `add` writes.
 
     Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. Log
-    times go on where the recorder's clock was set back. A robot's bag gets `/tf_static` from the frame of the room, in which
-    tracks are, to those of its sensors as the rig has them, and the start stamp (`START`). Tracks of the same trackers that
+    times go on where the recorder's clock was set back. A robot's bag gets the start stamp (`START`), and in `/tf_static` the
+    transforms from the frame of the room, in which tracks are, to those of its sensors as the rig has them: one latched message
+    with all of the bag's own, so that a late reader has them all, unless those change. Tracks of the same trackers that
     the bag already holds are left out, and its own truth where `truth` takes its place. Raises InputError for a damaged bag
     and for a target that cannot be written.
     """
@@ -119,6 +140,9 @@ def copy_with_tracks(
     with open_bag(recording.path) as original, McapFile(target) as bag:
         copies: dict[int, tuple[Connection, _Convert]] = {}
         lost = []
+        placed = [] if recording.is_twin else _room_transforms(original, recording, target, on_warning)
+        merged = _static_transforms(original) if placed else None
+        own += [topics.TF_STATIC] if merged is not None else []
         for each in original.connections:
             if each.topic in own:
                 continue
@@ -133,6 +157,13 @@ def copy_with_tracks(
         tracks = TrackTopics(bag, trackers, recording.start_ns, recording.logged_after_ns)
         if not recording.is_twin:
             _write_start(bag, recording)
+        if placed:
+            if merged is None:
+                on_warning(
+                    f"--bag {target}: {topics.TF_STATIC} has two channels, its own and one for room, as its own "
+                    "tells two poses of a frame, or cannot be read"
+                )
+            _write_static(bag, [*placed, *(merged or ())], recording)
         kept = [each for each in original.connections if each.id in copies]
         goes_on = Unwound()
         for connection, log_time_ns, data in original.raw_messages(kept, in_file_order=recording.is_as_written):
@@ -207,36 +238,86 @@ def _as_ros2(bag: McapFile, connection: Connection, store: Typestore) -> tuple[C
 
 
 def _write_start(bag: McapFile, recording: Recording) -> None:
-    """Write the stamp of t = 0, and the transforms of the sensors' frames to the room's."""
-    from twin.recording.bags.bag import open_bag
-    from twin.recording.rig_of_bag.transforms import TransformTree
-
-    log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
+    """Write the stamp of t = 0."""
     bag.connect(START, STRING, latched(depth=1))
     start = {"start_stamp_ns": recording.start_ns}
-    bag.write(START, log_ns, string_message(start))
-    with open_bag(recording.path) as original:
-        tree = TransformTree.read(original)
-    parents = {child: (edge.parent, edge.parent_from_child[0]) for child, edge in tree.edges.items()}
+    bag.write(START, max(recording.start_ns + recording.logged_after_ns, 0), string_message(start))
+
+
+def _write_static(bag: McapFile, transforms: Sequence[TransformStamped], recording: Recording) -> None:
+    """Write transforms that stand as one message, for readers that come late."""
+    bag.connect(topics.TF_STATIC, TF_MESSAGE, latched(depth=1))
+    log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
+    bag.write(topics.TF_STATIC, log_ns, TYPESTORE.serialize_cdr(TFMessage([*transforms]), TF_MESSAGE))
+
+
+def _static_transforms(original: Bag) -> list[TransformStamped] | None:
+    """Return the transforms of a bag that stand, each once; None where a frame has two poses, or a message cannot be read."""
+    if topics.TF_STATIC not in original.topics:
+        return []
+    kind = original.topics[topics.TF_STATIC].type_among(TRANSFORM_MESSAGES)
+    kinds = {normal_type(each.msgtype) for each in original.connections if each.topic == topics.TF_STATIC}
+    if kind is None or len(kinds) > 1:
+        return None
+    from twin.recording.bags.bag import decoded
+
+    held: dict[str, tuple[str, tuple[float, ...], TransformStamped]] = {}
+    for _, _, data, is_ros1 in original.encoded_messages({topics.TF_STATIC: kind}):
+        try:
+            message = decoded(data, kind, is_ros1)
+        except InputError:
+            return None
+        for each in message.transforms:
+            moved, turned = each.transform.translation, each.transform.rotation
+            pose = moved.x, moved.y, moved.z, turned.x, turned.y, turned.z, turned.w
+            stamp, parent, child = each.header.stamp, each.header.frame_id, each.child_frame_id
+            whole = TransformStamped(
+                Header(Time(stamp.sec, stamp.nanosec), parent),
+                child,
+                Transform(Vector3(*pose[:3]), Quaternion(*pose[3:])),
+            )
+            if held.setdefault(child.strip("/"), (parent.strip("/"), pose, whole))[:2] != (parent.strip("/"), pose):
+                return None
+    return [whole for *_, whole in held.values()]
+
+
+def _room_transforms(
+    original: Bag, recording: Recording, target: Path, on_warning: OnWarning
+) -> list[TransformStamped]:
+    """Return the transforms from the room to the roots of the sensors' frames; warn where a frame of tracks moves in its root."""
+    from twin.recording.rig_of_bag.transforms import TransformTree
+
+    tree = TransformTree.read(original)
     mounted = recording.rig.mounted()
     roots: dict[str, np.ndarray] = {}
     for name, frames in recording.frames.items():
         for frame in frames if name not in mounted else ():
-            root, sensor_from_root = _to_root(frame.strip("/"), parents)
+            root, sensor_from_root, passed = _to_root(frame.strip("/"), tree.edges)
             if frame and root != topics.ROOM_FRAME and root not in roots:
                 roots[root] = recording.rig.sensors[name].room_from_sensor.matrix @ sensor_from_root
-    if roots:
-        bag.connect(topics.TF_STATIC, TF_MESSAGE, latched(depth=1))
-        transforms = [transform_message(root, room_from_root) for root, room_from_root in roots.items()]
-        bag.write(topics.TF_STATIC, log_ns, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+                drifts = ", and ".join(_drift(edge) for edge in passed if edge.moves)
+                if drifts:
+                    is_base = name in recording.rig.odometry()
+                    remedy = f"; `frame: {root}` of {name} in rig.yaml has tracks in {root}" if is_base else ""
+                    on_warning(
+                        f"--bag {target}: {drifts}; room, the frame of tracks, is placed in {root} by the first{remedy}"
+                    )
+    return [transform_message(root, room_from_root) for root, room_from_root in roots.items()]
 
 
-def _to_root(frame: str, parents: dict[str, tuple[str, np.ndarray]]) -> tuple[str, np.ndarray]:
-    """Return the root frame above this one, and the transform (4, 4) of its points to this one."""
-    root, frame_from_root, seen = frame, np.eye(4), {frame}
-    while root in parents and parents[root][0] not in seen:
-        parent, parent_from_root = parents[root]
-        frame_from_root = frame_from_root @ np.linalg.inv(parent_from_root)
-        root = parent
-        seen.add(root)
-    return root, frame_from_root
+def _drift(edge: Edge) -> str:
+    """Say how far a frame moves in its parent, from its first pose on."""
+    steps = np.linalg.inv(edge.parent_from_child[0]) @ edge.parent_from_child
+    way_m = np.linalg.norm(steps[:, :3, 3], axis=1).max()
+    turn_deg = np.degrees(np.abs(np.arctan2(steps[:, 1, 0], steps[:, 0, 0]))).max()
+    return f"{edge.child} moves in {edge.parent} by up to {way_m:.2f} m and {turn_deg:.1f}°"
+
+
+def _to_root(frame: str, edges: Mapping[str, Edge]) -> tuple[str, np.ndarray, list[Edge]]:
+    """Return the root frame above this one, the first transform (4, 4) of its points to this one, and the edges between."""
+    root, frame_from_root, passed = frame, np.eye(4), []
+    while root in edges and edges[root].parent not in {frame, *(edge.child for edge in passed)}:
+        passed.append(edges[root])
+        frame_from_root = frame_from_root @ np.linalg.inv(passed[-1].parent_from_child[0])
+        root = passed[-1].parent
+    return root, frame_from_root, passed

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trackers.errors import LimitError
-from trackers.rig import PriorFiles
-from trackers.tracks import background_learned_causally, unused_sensors
+from trackers.rig import Pose, PriorFiles, Rig
+from trackers.tracks import background_learned_causally, report_frame, unused_sensors
 from trackers.user_input.text_file import check_limit
 from twin import version_of
 from twin.evaluate import evaluate_with_details
@@ -22,6 +22,7 @@ from twin.evaluate.summary import MOST_PAIRS, PAIRS, Evaluation
 from twin.messages import OnWarning, warn
 from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import Loss, documents
+from twin.recording.ros.topics import ROOM_FRAME
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.report.birdseye import Site
@@ -32,6 +33,9 @@ from twin.run.tracker_runner import TrackerRunner, file_name
 from twin.scenario import Scenario
 from twin.sensors.fault_kinds import Fault
 from twin.sensors.gl_context import GlInfo
+
+if TYPE_CHECKING:
+    from twin.recording.reader import Recording
 
 _RECORDED = {"recording": ".mcap", "truth": ".csv", "scenario": ".yaml"}
 """Files that a run writes before its results."""
@@ -56,6 +60,7 @@ class RunResult:
 
     tracker_warnings: those of trackers among the warnings; evaluations: of each tracker, with truth; failures: the fault of
     each failed plug-in, and the reason why a tracker's tracks are too many to evaluate; the metrics are those of the others.
+    frames: that of each tracker's tracks, of a recording.
     """
 
     metrics: dict[str, Any] | None
@@ -64,6 +69,7 @@ class RunResult:
     tracker_warnings: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
     evaluations: Mapping[str, Evaluation] = field(default_factory=dict)
+    frames: Mapping[str, str] = field(default_factory=dict)
 
 
 def evaluate_trackers(
@@ -110,6 +116,43 @@ def not_evaluated(tracker: str, error: LimitError) -> str:
 def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
     """Return the notes on the evaluations, each once."""
     return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
+
+
+def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[str, str]:
+    """Name the frame of each tracker's tracks: the rig's `room`, or, where that is no other, the frame of odometry or scanner.
+
+    A tracker that makes no use of odometry has those of a scanner on a base in the base's frame.
+    """
+    rig, frames = bag.rig, {}
+    main, mounted = rig.main_sensor, rig.mounted()
+    for each in runners:
+        sensor = mounted.get(main, main)
+        own = next(iter(sorted(bag.frames.get(sensor, ()))), "").strip("/")
+        pose = rig.sensors[sensor].room_from_sensor
+        is_at_origin = isinstance(pose, Pose) and not any((*pose.xyz[:2], *pose.rpy))
+        if sensor != main and sensor in unused_sensors(each.tracker):
+            base = rig.odometry()[sensor].base_frame
+            frames[each.name] = f"{base} (which moves)" if base else f"the base of {sensor} (which moves)"
+        else:
+            in_rig = own if own and is_at_origin and not bag.is_twin else ROOM_FRAME
+            frames[each.name] = report_frame(each.tracker) or in_rig
+    return frames
+
+
+def other_frame_warnings(rig: Rig, results: Sequence[TrackerResult]) -> list[str]:
+    """Return a warning where tracks that leave in the frame of an odometry are near nobody of the user's truth."""
+    if not any(each.evaluation and each.evaluation.is_misplaced for each in results):
+        return []
+    frames = {
+        name: each.frame or "its odometry"
+        for name, each in rig.odometry().items()
+        if not any(each.room_from_sensor.xyz)
+    }
+    return [
+        f"{name}: tracks leave in the frame of {frame}; for a truth in another frame, as map, `frame: map` of {name} in "
+        "rig.yaml, or the pose of its odometry frame there (room_from_sensor), is expected"
+        for name, frame in frames.items()
+    ]
 
 
 def with_failures_shown(result: RunResult, on_warning: OnWarning) -> RunResult:

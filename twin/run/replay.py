@@ -20,7 +20,7 @@ from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.tracks import TrackFrame
 from trackers.user_input.text_file import AnyPath, as_path
-from twin.evaluate.judged_frames import truth_at
+from twin.evaluate.report_clock import truth_at
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import documents, lines
@@ -30,7 +30,7 @@ from twin.recording.tables import TruthTable, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.recording.truth_tables import ABOUT, DETAIL_FILES, read_own_truth, truth_frames
 from twin.report.birdseye import Polygon, Site
-from twin.report.page import RunFacts, TrackerResult
+from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, listed, scenario_of
@@ -39,6 +39,8 @@ from twin.run.outcome import (
     RunResult,
     early_warnings,
     evaluate_trackers,
+    frames_of_tracks,
+    other_frame_warnings,
     prior_notes,
     simplifications,
     tracker_notes,
@@ -216,6 +218,7 @@ class _Replay:
     def finish(self, fed: Feed, out: OutFolder) -> RunResult:
         """Evaluate and write metrics, report and the bag's copy; return the result."""
         folder = out.path
+        self._frame_of = frames_of_tracks(self.bag, fed.runners)
         facts = self._facts(fed)
         results, refused = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
         self._write_about(folder / ABOUT)
@@ -232,7 +235,8 @@ class _Replay:
             scans=self._scans,
             recording=self.bag.path,
         )
-        result = replace(result, warnings=(*result.warnings, *self._of_other_frame(results)))
+        elsewhere = other_frame_warnings(self.bag.rig, results) if self.own_truth is not None else []
+        result = replace(result, frames=self._frame_of, warnings=(*result.warnings, *elsewhere))
         for note in result.warnings:
             self.on_warning(note)
         left = result.files | {"about": folder / ABOUT}
@@ -242,25 +246,15 @@ class _Replay:
             names = [each.name for each in fed.runners if not each.failure]
             frames = [(name, frame) for name, frame in self._frames if name in names]
             # the user's truth at the stamps of the sensors, as a twin's bag has it
-            own = None if self.own_truth is None else truth_at(self.own_truth, self.bag.all_stamps_ns())
+            own = (
+                None
+                if self.own_truth is None
+                else truth_at(self.own_truth, self.bag.all_stamps_ns(), self.bag.stamps_of(self.bag.rig.main_sensor))
+            )
             copy_with_tracks(self.bag, self.bag_copy, names, frames, self.on_warning, truth=own)
             left = left | {"bag": self.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
-
-    def _of_other_frame(self, results: Sequence[TrackerResult]) -> list[str]:
-        """Return a warning where tracks that leave in the frame of an odometry are near nobody of the user's truth."""
-        bases = self.bag.rig.odometry()
-        if self.own_truth is None or not any(each.evaluation and each.evaluation.is_misplaced for each in results):
-            return []
-        frames = {
-            name: each.frame or "its odometry" for name, each in bases.items() if not any(each.room_from_sensor.xyz)
-        }
-        return [
-            f"{name}: tracks leave in the frame of {frame}; for a truth in another frame, as map, `frame: map` of {name} in "
-            "rig.yaml, or the pose of its odometry frame there (room_from_sensor), is expected"
-            for name, frame in frames.items()
-        ]
 
     def _facts(self, fed: Feed) -> RunFacts:
         bag, scenario = self.bag, self.scenario
@@ -280,6 +274,11 @@ class _Replay:
                 *prior_notes(self.prior_files),
                 *(f"{each}." for each in (*lines(self._losses), *bag.moving, *self._unfit)),
                 *tracker_notes(fed.runners, self._faults),
+                *(
+                    f"Tracks of {name} are in the frame {frame}."
+                    for name, frame in self._frame_of.items()
+                    if not bag.is_twin
+                ),
                 *(simplifications(scenario) if bag.is_twin else ()),
             ),
         )
@@ -289,6 +288,7 @@ class _Replay:
         bag, losses = self.bag, documents(self._losses)
         rig = None if self.rig_path is None else bag.rig.model_dump(mode="json", exclude_none=True)
         about = {"recording": str(bag.path.absolute()), "start_stamp_ns": bag.start_ns, "rig": rig, "losses": losses}
+        about["frames"] = self._frame_of
         if self._truth is not None and self._truth.labels:
             about["people"] = {str(number): label for number, label in self._truth.labels.items()}
         write_atomic(path, json.dumps(about, indent=2, allow_nan=False) + "\n")

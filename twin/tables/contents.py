@@ -103,13 +103,21 @@ def mot_columns(path: Path, kind: str, found: Cells) -> list[str]:
     return list(MOT_COLUMNS[kind])
 
 
-def sequence_info(truth: Path) -> tuple[float | None, int]:
-    """Read frame rate [Hz] and number of frames in the seqinfo.ini of a MOT sequence, from its gt/gt.txt; None, 0 without
-    it. Raises InputError for a file that lacks them.
+def sequence_info_of(text: Path) -> Path | None:
+    """Find the seqinfo.ini of a MOT sequence from one of its files; None without it.
+
+    Beside the file; above its folder (gt/gt.txt, det/det.txt); or, of a tracker's BENCHMARK/TRACKER/data/SEQUENCE.txt, in
+    gt/BENCHMARK/SEQUENCE as TrackEval has them.
     """
-    path = truth.resolve().parent.parent / "seqinfo.ini"
-    if truth.parent.name != "gt" or not path.is_file():
-        return None, 0
+    path = text.resolve()
+    folders = [path.parent, path.parent.parent]
+    if path.parent.name == "data" and len(path.parents) > 4:
+        folders.append(path.parents[4] / "gt" / path.parents[2].name / path.stem)
+    return next((each / "seqinfo.ini" for each in folders if (each / "seqinfo.ini").is_file()), None)
+
+
+def sequence_info(path: Path) -> tuple[float, int]:
+    """Read frame rate [Hz] and number of frames in a seqinfo.ini. Raises InputError for a file that lacks them."""
     parser = configparser.ConfigParser()
     try:
         parser.read_string(read_text(path, "a seqinfo.ini"))

@@ -95,7 +95,8 @@ def read_person_rows(
     units = {**{name: lengths for name in _LENGTH_COLUMNS}, **units}
     columns = columns_of(str(path), names, found, units)
     if "t" not in names:
-        rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes)
+        like = "the seqinfo.ini of a MOT sequence says them" if mot else "15 for the ETH file, 25 for UCY's"
+        rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes, like)
         columns = replace(columns, cells={**columns.cells, "t": columns.cells["frame"]}, units={**units, "t": rate_hz})
     elif (
         rest := next((name for name in columns.cells if _NANOSECONDS.fullmatch(_bare(name.lower()))), None)
@@ -185,16 +186,15 @@ def _bare(word: str) -> str:
     return re.sub(r"^field\.|[\s._-]", "", word)
 
 
-def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
-    """Return the frame rate: as given, else from the file's comments."""
+def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str], like: str) -> float:
+    """Return the frame rate: as given, else from the file's comments; `like`: what tells it, for the error."""
     said = {float(m[1] or m[2]): line for line, text in found.comments if (m := _RATE.search(text))}
     if len(said) > 1 and given is None:
         rates = " and ".join(f"{rate:g} (line {line})" for rate, line in said.items())
         raise InputError(f"{path}: says {rates} frames a second; {field} is expected to choose")
     if given is None and not said:
         raise InputError(
-            f"{field}: is missing and {path} counts frames; the recording's frames a second are expected "
-            "(15 for the ETH file, 25 for UCY's)"
+            f"{field}: is missing and {path} counts frames; the recording's frames a second are expected ({like})"
         )
     rate = given if given is not None else next(iter(said))
     if not 0.01 <= rate <= 1000:

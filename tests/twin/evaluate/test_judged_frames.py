@@ -13,7 +13,7 @@ from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.judged_frames import align
-from twin.evaluate.report_clock import report_clock, silent_stamps
+from twin.evaluate.report_clock import report_clock, silent_stamps, truth_at as interpolated
 from twin.recording.tables import track_table, truth_table
 from twin.truth.truth_types import PersonTruth, TruthFrame
 
@@ -167,6 +167,25 @@ def test_rows_without_the_identity_of_anybody_are_told(which: int, n_rows: int) 
     tables[which] = replace(tables[which], id=np.arange(1, 1 + n_rows))
     said = f"{tables[which].source}: no id is in two of {n_rows} rows"
     assert any(each.startswith(said) for each in evaluate_with_details(*tables).notes) == (n_rows > 20)
+
+
+@pytest.mark.parametrize("off_s", [-0.02, -3.3e-5, 0.0, 3.3e-5, 0.02])
+@pytest.mark.parametrize("looked_up", [False, True])
+def test_labels_less_than_half_a_period_off_are_those_of_the_nearest_frame(off_s: float, looked_up: bool) -> None:
+    """Labels are rounded, and clocks jitter: the first and the last one count, and nobody stays longer than labelled."""
+    frames_ns = [round(k / 15 * NS_PER_S) for k in range(40)]
+    truth = truth_table(
+        [
+            TruthFrame(ns + round(off_s * NS_PER_S), tuple(PersonTruth(i, i, 0.1 * k) for i in (1, 2) if k < 40 / i))
+            for k, ns in enumerate(frames_ns)
+        ]
+    )
+    if looked_up:
+        truth = interpolated(truth, np.array(frames_ns), np.array(frames_ns))
+    found = align(truth, tracks_at(np.array(frames_ns) / NS_PER_S))
+    assert [frame.person_ids.size for frame in found.frames] == [2] * 20 + [1] * 20
+    ys = np.array([frame.person_xy[0, 1] for frame in found.frames])
+    np.testing.assert_allclose(ys, 0.1 * np.arange(40), atol=1.5 * abs(off_s) + 1e-6)
 
 
 @pytest.mark.parametrize("inside", [0, 1, 20])

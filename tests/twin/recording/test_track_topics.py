@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
+from trackers.presets import PRESETS
 from trackers.tracks import Status, Track, TrackFrame
 from twin.recording.bags.bag import open_bag
 from twin.recording.reader import Recording
 from twin.recording.ros.message_types import TYPESTORE
 from twin.recording.ros.ros_messages import STRING
 from twin.recording.tables import TRACK_COLUMNS, read_tracks
-from twin.recording.track_topics import TrackTopics, encode_tracks, track_topics
+from twin.recording.track_topics import TrackTopics, encode_tracks, track_topics, tracker_names
 from twin.recording.truth_messages import MARKER_ARRAY
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
@@ -114,6 +115,12 @@ def test_topics_are_names_that_ros_takes() -> None:
     assert list(topics) == names
     assert len(set(topics.values())) == len(names)
     assert all(re.fullmatch(r"/tracks/[A-Za-z_]\w*", topic) for topic in topics.values())
+
+
+def test_a_topic_of_a_known_tracker_has_its_name_again() -> None:
+    """So that what is exported of a bag and of the folder beside it has one name."""
+    assert tracker_names(track_topics(list(PRESETS)).values()) == {t: n for n, t in track_topics(list(PRESETS)).items()}
+    assert tracker_names(["/tracks/mine"]) == {"/tracks/mine": "mine"}
 
 
 def test_what_is_not_estimated_is_null() -> None:

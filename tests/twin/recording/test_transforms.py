@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from math import cos, sin
@@ -19,12 +20,14 @@ from trackers.area import Pose
 from trackers.errors import InputError
 from trackers.observations import Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Rig
+from twin.recording.bags.bag import open_bag
 from twin.recording.losses import lines
 from twin.recording.reader import Recording
 from twin.recording.rig_of_bag.transforms import Edge, TransformTree
 from twin.recording.ros.message_types import TYPESTORE
 from twin.recording.ros.ros_messages import ODOMETRY, encode
 from twin.recording.writer import CAMERA_INFO, TF_MESSAGE, _camera_info, transform_message
+from twin.run.replay import track_recording
 
 STAMPS = [EPOCH_NS + k * 50 * MS for k in range(40)]
 PERIOD_NS = 50 * MS
@@ -376,3 +379,36 @@ def test_poses_from_a_frame_on_another_branch_are_those_by_matrices() -> None:
     expected = np.linalg.inv(map_from["hand"]) @ map_from["waist"]
     assert np.allclose(tree.static_pose("waist", "hand"), expected)
     assert np.allclose(tree.poses("hand", "waist")[1], expected)
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_driving_scanners_copy_names_frames_tells_drift_and_has_one_channel_of_what_stands(tmp_path, changes):
+    messages = [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1, 0.3), "/tf_static")]
+    messages += [tf(ns, "map", "odom", at(3.0 + 0.02 * k)) for k, ns in enumerate(STAMPS)]
+    messages += [tf(STAMPS[9], "mast", "waist", at(0.1, 0.9), "/tf_static")] * changes
+    told, copy = [], tmp_path / "copy.mcap"
+    result = track_recording(
+        bag(tmp_path, messages),
+        trackers=["laser-legs", "laser-imm"],
+        out=tmp_path / "out",
+        video=False,
+        bag_copy=copy,
+        on_warning=told.append,
+    )
+    frames = {"laser-legs": "odom", "laser-imm": "base_link (which moves)"}
+    assert result.frames == frames == json.loads((tmp_path / "out/recording.json").read_text())["frames"]
+    assert "Tracks of laser-legs are in the frame odom" in (tmp_path / "out/report.html").read_text()
+    (drift,) = [each for each in told if "odom moves in map" in each]
+    assert (
+        "by up to 0.78 m and 0.0°; room, the frame of tracks, is placed in map by the first; `frame: map` of odo"
+        in drift
+    )
+    with open_bag(copy) as held:
+        assert [each.topic for each in held.connections].count("/tf_static") == 1 + changes
+        of_children = {
+            each.child_frame_id: (each.header.frame_id, each.transform.translation.x)
+            for _, _, message in held.messages(["/tf_static"])
+            for each in message.transforms
+        }
+    assert of_children == {"map": ("room", -3.0), "mast": ("base_link", 0.2), "waist": ("mast", 0.1)}
+    assert any("/tf_static has two channels" in each for each in told) == changes

@@ -440,7 +440,30 @@ def test_mot_text_gives_the_metrics_of_the_tables_it_was_made_from(tmp_path: Pat
     of_tables, _ = evaluated(str(tmp_path / "truth.csv"), str(tmp_path / "tracks.csv"))
     assert of_text == of_tables
     assert (of_text["misses"], of_text["false_positives"]) == (1, 1)
-    assert "4 frames judged, 0.1 to 0.4 s" in told
+    assert "4 frames judged, 0.1 to 0.4 s" in told and "seqinfo.ini: 10 frames a second, 4 frames\n" in told
+
+    text, info = (folder / "gt.txt").read_text(), (folder.parent / "seqinfo.ini").read_text()
+    for number, (place, of_info) in enumerate(
+        [
+            ("det/det.txt", "seqinfo.ini"),
+            ("sequence.txt", "seqinfo.ini"),
+            ("trackers/all/sort/data/walk.txt", "gt/all/walk/seqinfo.ini"),
+        ]
+    ):
+        alone = {"truth": tmp_path / "alone.txt", "tracks": tmp_path / "tracks.txt"}
+        alone["truth"].write_text(text)
+        beside = tmp_path / f"{number}" / of_info
+        for kind, content in (("tracks", alone["tracks"].read_text()), ("truth", text)):
+            of_sequence = tmp_path / f"{number}" / place
+            for each, held in ((of_sequence, content), (beside, info)):
+                each.parent.mkdir(parents=True, exist_ok=True)
+                each.write_text(held)
+            found, told = evaluated(*map(str, {**alone, kind: of_sequence}.values()), "--format", "mot")
+            assert found == of_text and f"{beside}: 10 frames a second, 4 frames\n" in told
+        _, told = evaluated(str(of_sequence), str(alone["tracks"]), "--format", "mot", "--frame-rate", "9")
+        assert "10 frames a second, 4 frames; --frame-rate 9 is used" in told
+    refused = CliRunner().invoke(app, ["evaluate", *[str(tmp_path / "tracks.txt")] * 2, "--format", "mot"])
+    assert "the seqinfo.ini of a MOT sequence" in str(refused.exception)
 
 
 @pytest.mark.parametrize(
