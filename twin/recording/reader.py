@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,7 +35,7 @@ from twin.recording.rig_of_bag.sensor_topics import (
     unusable_poses,
     unused_topics,
 )
-from twin.recording.rig_of_bag.transforms import TransformTree, read_poses
+from twin.recording.rig_of_bag.transforms import PoseTopic, TransformTree, read_poses
 from twin.recording.ros import topics
 from twin.recording.ros.ros_messages import LASER_SCAN, MSGTYPES, STRING
 from twin.recording.sensor_clock import MessageTimes, Unwound, all_pause, first_frame, read_times
@@ -110,20 +111,27 @@ class Recording:
             self.stamps_ns = {topic: right.stamps_ns[label(topic)] - self.start_ns for topic in times}
             silent += [*bag.unread, *[OF_NO_ORDER] * self._in_stamp_order, *self.sensor_topics.losses, *right.losses]
             absent = absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns)
-            self._found = [*silent, *absent]
-            if rig is not None:
-                self._found += compare_poses(self.rig, tree, poses, self.frames)
-            if not self.is_twin:
-                self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
-                self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
-                self._found += unnamed_frames(self.rig, tree, self.frames, is_given=rig is not None)
-                self._found += unusable_poses(tree, self._frames_of_rig(), poses, self.sensor_topics.sensors)
+            self._found = [*silent, *absent, *self._against_rig(bag, tree, poses, is_given=rig is not None)]
             self.logged_after_ns = self._logged_after_ns()
             mounted = {*self.rig.mounted(), *self.rig.odometry()}
             standing = {name: each for name, each in self.frames.items() if name not in mounted}
             self.moving: list[str] = [] if self.is_twin else motion_warnings(tree, poses, standing)
             """Warnings of sensors that move, a clause each; none in a twin's bag."""
         self._reading = LeftOut()
+
+    def _against_rig(
+        self, bag: Bag, tree: TransformTree, poses: Mapping[str, PoseTopic], *, is_given: bool
+    ) -> Iterator[Loss]:
+        """Yield what the bag says otherwise than the rig, and what it lacks of it."""
+        sensors, frames = self.sensor_topics.sensors, self.frames
+        if is_given:
+            yield from compare_poses(self.rig, tree, poses, frames)
+        if not self.is_twin:
+            yield from compare_lenses(bag, self.rig, sensors)
+            yield from odometry_losses(self.rig, self.sensor_topics, tree, poses)
+            yield from unnamed_frames(self.rig, tree, frames, is_given=is_given)
+            bases = (each.base_frame for each in self.rig.odometry().values() if each.base_frame is not None)
+            yield from unusable_poses(tree, {*bases, *chain(*frames.values())}, poses, sensors)
 
     def _given_rig(self, bag: Bag, rig: Rig | AnyPath | None, carried: str | None) -> tuple[Rig, str]:
         """Return the given rig, else the one that the bag carries, and its source in errors."""
@@ -260,7 +268,8 @@ class Recording:
         """Decode the strings on a topic with their stamps [ns], by their log times; yield nothing where the bag has none."""
         if topic not in self.topics:
             return
-        self._require_string(topic)
+        if (msgtype := self.topics[topic].msgtype) != STRING:
+            raise InputError(f"{self.path}: topic {topic} is {msgtype}; {STRING} is expected")
         to_own_clock_ns = 0 if self.is_twin else self.start_ns + self.logged_after_ns
         with open_bag(self.path) as bag:
             for _, log_time_ns, message in bag.messages([topic]):
@@ -280,11 +289,6 @@ class Recording:
         for _, _, message in bag.messages([topic]):
             return message.data
         return None
-
-    def _require_string(self, topic: str) -> None:
-        msgtype = self.topics[topic].msgtype
-        if msgtype != STRING:
-            raise InputError(f"{self.path}: topic {topic} is {msgtype}; {STRING} is expected")
 
     def _check_has_messages(self, times: Mapping[str, MessageTimes]) -> None:
         if any(len(times[topic]) for topic in self.sensor_topics.sensors):
@@ -332,11 +336,6 @@ class Recording:
         ]
         age_ns = round(float(np.median(np.concatenate(ages)))) if ages else 0
         return max(age_ns, -self.start_ns) if abs(age_ns) > NS_PER_S and not self.is_twin else 0
-
-    def _frames_of_rig(self) -> set[str]:
-        """Return the frames that the sensors' headers name, and those of bases that transforms tell."""
-        bases = (each.base_frame for each in self.rig.odometry().values() if each.base_frame is not None)
-        return {*bases, *(frame for frames in self.frames.values() for frame in frames)}
 
     @property
     def frames(self) -> dict[str, set[str]]:
