@@ -133,12 +133,17 @@ def print_metrics(metrics: Mapping[str, Any]) -> None:
     trackers = metrics["trackers"]
     if not trackers:
         return
-    rows: list[list[str]] = [["evaluated in", *(format_judged(own) for own in trackers.values())]]
+    rows: list[list[str]] = []
     for metric in (METRICS[key] for key in _SHOWN):
         name = f"{metric.name} [{metric.unit}]" if metric.unit else metric.name
         rows.append([name, *(format_value(metric, metric_value(own, metric)) for own in trackers.values())])
     console = PlainConsole()
     console.print(f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m")
+    # Beside the values it would make each column too wide for a terminal.
+    judged = {name: format_judged(own) for name, own in trackers.items()}
+    alike = len({*judged.values()}) == 1
+    said = [each if alike else f"{each} ({name})" for name, each in judged.items()]
+    console.print(f"evaluated in {'; '.join(dict.fromkeys(said))}", soft_wrap=True)
     print_table(["", *trackers], rows)
     if note := judged_note(trackers):
         console.print(note, soft_wrap=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.console import PlainConsole, print_paths, print_table, print_warning
+from twin.console import PlainConsole, print_metrics, print_paths, print_table, print_warning
 from twin.messages import TrackerLog, at_work
 
 
@@ -43,6 +43,23 @@ def test_tables_cut_nothing_on_terminals_of_any_width(
 def test_a_table_without_rows_has_its_headings(capsys: pytest.CaptureFixture[str]) -> None:
     print_table(["tracker", "HOTA"], [])
     assert "tracker" in capsys.readouterr().out
+
+
+def test_metrics_of_three_trackers_fit_a_terminal_without_a_break(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(PlainConsole, "is_terminal", True)
+    judged = {"frames": 299, "frames_total": 300, "share": 299 / 300, "person_frames": 299}
+    own = {"mota": 0.9, "id_switches": 1, "judged": judged, "ms_per_frame": {"mean": 3.1}}
+    trackers = {name: own for name in ("laser-legs", "laser-imm", "sort")}
+    print_metrics({"trackers": trackers, "scenario": "own", "seed": 0, "duration_s": 20, "realtime_factor": 4.8})
+    text = re.sub(r"\x1b\[\d*m", "", capsys.readouterr().out)
+    rows = [
+        [cell.strip() for cell in line.strip("│┃").split("│")] for line in text.splitlines() if line.startswith("│")
+    ]
+    assert all(row[0] and len(row) == 4 and all(row) for row in rows)
+    assert ["Identity switches", "1", "1", "1"] in rows and text.count("299 of 300 frames") == 1
 
 
 def test_what_a_tracker_logs_is_printed_once_as_a_warning(capsys: pytest.CaptureFixture[str]) -> None:

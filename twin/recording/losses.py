@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from trackers.area import rotation_angles
 from trackers.arrays import Nanoseconds
 from trackers.feeding import LATE, NOTED_LOSS
-from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan, Observation
+from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan, Observation, Odometry
 
 _GAP = 1.75
 """Ratio of a gap to the usual one from which messages are missing."""
@@ -209,6 +209,7 @@ class ObservationLog:
         self._stamps_ns: dict[str, array[int]] = {}
         self._readings: dict[str, array[int]] = {}
         self._of_nothing: Counter[tuple[str, str]] = Counter()
+        self._places_m: dict[str, array[float]] = {}
 
     def add(self, observation: Observation) -> None:
         """Add an observation on arrival."""
@@ -217,6 +218,8 @@ class ObservationLog:
         if isinstance(observation, LaserScan):
             valid = int(np.count_nonzero(np.isfinite(observation.ranges_m)))
             self._readings.setdefault(name, array("q")).append(valid)
+        if isinstance(observation, Odometry):
+            self._places_m.setdefault(name, array("d")).extend(observation.frame_from_base[:3, 3])
         if isinstance(observation, Image | DepthImage) and _is_even(observation.rgb):
             self._of_nothing[name, _DARK] += 1
         if isinstance(observation, DepthImage) and not observation.depth_m.any():
@@ -226,6 +229,13 @@ class ObservationLog:
     def counts(self) -> dict[str, int]:
         """Number of observations of each sensor."""
         return {name: len(stamps) for name, stamps in self._stamps_ns.items()}
+
+    def drives(self) -> dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+        """Return the stamps (n,) [ns] and places (n, 3) of each base in its odometry frame [m]."""
+        return {
+            name: (np.array(self._stamps_ns[name], dtype=np.int64), np.array(places).reshape(-1, 3))
+            for name, places in self._places_m.items()
+        }
 
     def missing(self) -> list[Loss]:
         """Estimate the missing messages by each sensor's own rhythm, from the first stamp of all to the last."""

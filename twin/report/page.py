@@ -22,7 +22,7 @@ from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Site
 from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows, judged_note
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, data_uri, hex_colour, page_template
-from twin.report.path_map import ScanDensity, path_map
+from twin.report.path_map import Drive, ScanDensity, path_map, standing
 from twin.report.sensor_stills import RunPictures
 from twin.report.time_axis import TimeAxis, time_origin_ns
 from twin.report.timeline import describe_event, distance_chart, glyph, identity_timeline, track_timeline
@@ -86,12 +86,16 @@ EVENT_NAMES = {"switch": "identity switch", "misidentification": "misidentified"
 
 @dataclass(frozen=True)
 class TrackerResult:
-    """One tracker's run; without truth there is no evaluation. ms_per_frame: mean and p95 [ms], None if unknown."""
+    """One tracker's run; without truth there is no evaluation.
+
+    ms_per_frame: mean and p95 [ms], None if unknown; note: on its paths, for the caption.
+    """
 
     name: str
     tracks: TrackTable
     evaluation: Evaluation | None = None
     ms_per_frame: Mapping[str, float | None] = field(default_factory=dict)
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,10 +136,13 @@ class CauseRow:
     by_distance: tuple[int, ...]
 
 
-def cause_rows(errors: Errors, rig: Rig) -> list[CauseRow]:
-    """Count the errors of each cause that occurred, misses first."""
-    sensors = np.array([rig.pose_at(name).translation[:2] for name in rig.sensors])
-    distance_m = np.linalg.norm(errors.xy[:, None] - sensors, axis=2).min(axis=1, initial=np.inf)
+def cause_rows(errors: Errors, rig: Rig, drives: Sequence[Drive] = ()) -> list[CauseRow]:
+    """Count the errors of each cause that occurred, misses first; sensors on a base are where it is at the time."""
+    still = standing(rig)
+    places = [np.broadcast_to(still.pose_at(name).translation[:2], errors.xy.shape) for name in still.sensors]
+    places += [each.at(errors.stamps_ns) for each in drives]
+    distances_m = [np.linalg.norm(errors.xy - each, axis=1) for each in places]
+    distance_m = np.min([np.full(len(errors.xy), np.inf), *distances_m], axis=0)
     ring = np.digitize(distance_m, _FAR_M)
     rows = []
     for kind, causes in (("missed", MISSES), ("false_positive", FALSE_POSITIVES)):
@@ -166,13 +173,14 @@ def write_report(
     scans: ScanDensity | None = None,
     pictures: RunPictures | None = None,
     silent: Collection[str] = (),
+    drives: Sequence[Drive] = (),
     links: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report to `path`; it takes its name when complete.
 
     `scans`: returns of the scanners, drawn under the paths (for a recording without a plan of the room); `silent`: sensors
-    without reports; `pictures`: stills of the sensors; `links`: files beside the page by kind, of which 'preview' is the video
-    shown.
+    without reports; `drives`: ways of moving bases; `pictures`: stills of the sensors; `links`: files beside the page by kind,
+    of which 'preview' is the video shown.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """
@@ -189,7 +197,7 @@ def write_report(
         judged=[format_judged(own) for own in metrics],
         judged_note=judged_note({each.name: own for each, own in zip(trackers, metrics, strict=True)}),
         sections=[
-            _section(tracker, own, axis, site, truth, scans, silent)
+            _section(tracker, own, axis, site, truth, scans, silent, drives)
             for tracker, own in zip(trackers, metrics, strict=True)
         ],
         has_truth=truth is not None,
@@ -229,6 +237,7 @@ def _section(
     truth: TruthTable | None,
     scans: ScanDensity | None,
     silent: Collection[str],
+    drives: Sequence[Drive],
 ) -> dict[str, Any]:
     """Build the content of the page for one tracker."""
     tracks, evaluation, names = tracker.tracks, tracker.evaluation, site.person_names
@@ -236,7 +245,10 @@ def _section(
     colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
     section: dict[str, Any] = {
         "name": tracker.name,
-        "map": Markup(path_map(site, truth, tracks, evaluation, scans, colours, silent)),
+        "map": Markup(path_map(site, truth, tracks, evaluation, scans, colours, silent, drives)),
+        "note": tracker.note,
+        "drives": drives,
+        "unplaced": sorted(site.rig.mounted().keys() - {name for each in drives for name in each.sensors}),
         "n_tracks": int(ids.size),
         "tiles": [],
         "counts": [],
@@ -255,7 +267,7 @@ def _section(
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
-        section["causes"] = cause_rows(evaluation.errors, site.rig)
+        section["causes"] = cause_rows(evaluation.errors, site.rig, drives)
         if curve := calibration_curve(metrics):
             section["calibration"] = Markup(calibration_chart([(tracker.name, 0, curve)]))
             section["n_radius"] = metrics[WITHIN]["n"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 
 import cv2
@@ -36,6 +37,38 @@ _STANDING = 0.05  # share of the greatest count above which a cell is static
 _LONG_NS = 90 * NS_PER_S  # duration beyond which overlapping paths are drawn lighter
 
 
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Way of a moving base by its odometry: name, sensors on it, stamps (n,) [ns] and places (n, 2) [m, room frame]."""
+
+    base: str
+    sensors: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    xy: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, rig: Rig, moved: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]]) -> list[Drive]:
+        """Return the way of each base of a rig, from its stamps and places (n, 3) in its odometry frame."""
+        mounted, drives = rig.mounted(), []
+        for base, (stamps_ns, places) in moved.items():
+            room_from_frame = rig.pose_at(base)
+            xy = (places @ room_from_frame.rotation.T + room_from_frame.translation)[:, :2]
+            on_it = tuple(name for name, each in mounted.items() if each == base)
+            drives.append(cls(base, on_it, stamps_ns, xy))
+        return drives
+
+    def at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Interpolate the places at these stamps (n,), (n, 2) [m]."""
+        order = np.argsort(self.stamps_ns, kind="stable")
+        return np.column_stack([np.interp(stamps_ns, self.stamps_ns[order], each[order]) for each in self.xy.T])
+
+
+def standing(rig: Rig) -> Rig:
+    """Return the sensors that stand: the pose of a moving one in the rig is that on its base."""
+    moving = {*rig.mounted(), *rig.odometry()}
+    return rig.model_copy(update={"sensors": {name: each for name, each in rig.sensors.items() if name not in moving}})
+
+
 def path_map(
     site: Site,
     truth: TruthTable | None,
@@ -44,19 +77,20 @@ def path_map(
     scans: ScanDensity | None,
     colours: IdentityColours,
     silent: Collection[str] = (),
+    drives: Sequence[Drive] = (),
 ) -> str:
     """Draw as SVG the room (or, without a plan, the scans' returns), true paths thin and grey, tracks in their colours.
 
     A track is solid while confirmed and dashed while it coasts; its id is at its end. Sensors are drawn at their true poses,
-    and dashed at assumed ones; those without reports are hollow.
+    and dashed at assumed ones; those without reports are hollow. Those that move are drawn by their way, `drives`, alone.
     """
-    rig, names = site.true_rig or site.rig, site.person_names
+    rig, names = standing(site.true_rig or site.rig), site.person_names
     hits = []
     if scans is not None:
         cells, counts = scans.cells()
         hits.append(cells[counts > _STANDING * counts.max(initial=0)])
     extent = floor_extent(rig, site.outline, *hits, np.column_stack([tracks.x, tracks.y]))
-    view = FloorView.fit(extent, _WIDTH_PX)
+    view = FloorView.fit(np.concatenate([extent, *(each.xy for each in drives)]), _WIDTH_PX)
     parts = [room_svg(view, rig, site.outline, silent), assumed_poses_svg(view, site.rig, site.true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
@@ -64,6 +98,7 @@ def path_map(
     if truth is not None:
         parts.append(_true_paths(view, truth, tracks, names, labels))
     parts.append(_track_paths(view, tracks, colours, labels))
+    parts += [_drive_path(view, each, labels, silent) for each in drives]
     parts.append(sensor_names_svg(view, rig, labels, silent))
     if evaluation is not None:
         parts.append(cause_marks(view, evaluation.errors))
@@ -73,6 +108,18 @@ def path_map(
     return (
         f'<svg class="{kind}" viewBox="0 0 {view.width_px} {view.height_px}" role="img" '
         f'aria-label="Paths over the room, from above">{"".join(parts)}</svg>'
+    )
+
+
+def _drive_path(view: FloorView, drive: Drive, labels: SvgLabels, silent: Collection[str]) -> str:
+    """Draw the way of a base dashed, from an open circle to a dot with the names of what is on it."""
+    pixels = view.pixels(drive.xy)
+    (x0, y0), (x, y) = pixels[0], pixels[-1]
+    text = ", ".join(f"{name}: silent" if name in silent else name for name in (*drive.sensors, drive.base))
+    return (
+        f'<g><path class="drive" d="{svg_path(pixels)}"/><circle class="start" cx="{x0:.1f}" cy="{y0:.1f}" r="4"/>'
+        f'<circle class="sensor" cx="{x:.1f}" cy="{y:.1f}" r="5"/>{labels.write("sensor-name", text, x + 9, y - 5)}'
+        f"<title>{escape(drive.base)}: way of {escape(text)}</title></g>"
     )
 
 

@@ -27,7 +27,7 @@ from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.report.birdseye import Site
 from twin.report.page import RunFacts, TrackerResult, write_report
-from twin.report.path_map import ScanDensity
+from twin.report.path_map import Drive, ScanDensity
 from twin.run.feed import Feed
 from twin.run.tracker_runner import TrackerRunner, file_name
 from twin.scenario import Scenario
@@ -94,7 +94,7 @@ def evaluate_trackers(
                 evaluation = evaluate_with_details(truth, tracks, situations=situations, unused=unused)
             except LimitError as error:
                 refused.append(not_evaluated(each.name, error))
-        results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
+        results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame(), _in_a_base(each)))
     return results, refused
 
 
@@ -203,6 +203,7 @@ def write_results(
             truth=truth,
             scans=scans,
             silent=[name for name in site.rig.sensors if name not in feed.log.counts],
+            drives=Drive.of(site.true_rig or site.rig, feed.log.drives()),
             links=_links(folder, files, recording),
             pictures=feed.preview.pictures() if feed.preview is not None else None,
         )
@@ -245,13 +246,21 @@ def early_warnings(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]
         faulty = [f"{sensor} ({', '.join(of)})" for sensor, of in names.items() if of]
         among = f"; among them with a fault, which shows in no track: {', '.join(faulty)}" if faulty else ""
         found.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
-        moved = [sensor for sensor, base in each.rig.mounted().items() if base in unused and sensor not in unused]
-        if moved:
-            found.append(
-                f"{each.name}: takes {', '.join(moved)} to stand, mounted on a base that moves: tracks are in the base's frame, "
-                "in which things that stand look like people; a tracker that uses odometry is expected"
-            )
+        if in_a_base := _in_a_base(each):
+            found.append(f"{each.name}: {in_a_base}")
     return found
+
+
+def _in_a_base(runner: TrackerRunner) -> str:
+    """Return a clause where a tracker takes a scanner to stand that is mounted on a moving base; "" elsewhere."""
+    unused = unused_sensors(runner.tracker)
+    moved = [sensor for sensor, base in runner.rig.mounted().items() if base in unused and sensor not in unused]
+    if not moved:
+        return ""
+    return (
+        f"takes {', '.join(moved)} to stand, mounted on a base that moves: tracks are in the base's frame, in which things that "
+        "stand look like people; a tracker that uses odometry is expected"
+    )
 
 
 def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:

@@ -397,7 +397,9 @@ def test_a_driving_scanners_copy_names_frames_tells_drift_and_has_one_channel_of
     )
     frames = {"laser-legs": "odom", "laser-imm": "base_link (which moves)"}
     assert result.frames == frames == json.loads((tmp_path / "out/recording.json").read_text())["frames"]
-    assert "Tracks of laser-legs are in the frame odom" in (tmp_path / "out/report.html").read_text()
+    page = (tmp_path / "out/report.html").read_text()
+    assert "Tracks of laser-legs are in the frame odom" in page
+    assert page.count('class="drive"') == 2 and page.count("<strong>Note:</strong> laser-imm takes scan to stand") == 1
     (drift,) = [each for each in told if "odom moves in map" in each]
     assert (
         "by up to 0.78 m and 0.0°; room, the frame of tracks, is placed in map by the first; `frame: map` of odo"

@@ -20,15 +20,16 @@ from synthetic_run import SyntheticRun, stage
 import twin.report
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.rig import LaserSensor, Rig
+from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
 from trackers.tracks import Track, TrackFrame
+from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import evaluate_with_details
 from twin.recording.tables import track_table
 from twin.report import page
 from twin.report.birdseye import Site
 from twin.report.metrics_table import METRICS
-from twin.report.page import RunFacts, TrackerResult, write_report
-from twin.report.path_map import ScanDensity
+from twin.report.page import RunFacts, TrackerResult, cause_rows, write_report
+from twin.report.path_map import Drive, ScanDensity
 from twin.report.sensor_stills import RunPictures, SensorStills, Still
 from twin.report.timeline import false_positive_tracks
 
@@ -187,6 +188,38 @@ def test_without_truth(tmp_path: Path, synthetic: SyntheticRun) -> None:
     assert "Tracks" in checker.texts
     assert "Errors over time" not in checker.texts
     assert {"#1", "#2", "#3", "#4", "#5", "#9", "#11"} <= set(checker.texts)
+
+    write_report(tmp_path / "two.html", facts(), [tracker, replace(tracker, name="sort")], Site(rig))
+    text = (tmp_path / "two.html").read_text()
+    metrics = text[text.index('<h2 id="metrics">') : text.index('<h2 id="tracker-1')]
+    counts = track_counts(synthetic.tracks)
+    assert metrics.count(f">{counts['track_count']}<") == 2 == metrics.count(f">{counts['tracks_per_frame']:.2f}<")
+
+
+def test_sensors_on_a_base_are_drawn_by_its_way_and_not_at_their_mounts(
+    tmp_path: Path, synthetic: SyntheticRun
+) -> None:
+    """The pose of such a sensor in the rig is that on the base; distances to it are those at the time of an error."""
+    pose = Pose(xyz=(9.0, 9.0, 0.3))
+    scanner = LaserSensor(topic="/scan", room_from_sensor=pose, mounted_on="base")
+    rig = Rig(sensors={"scan": scanner, "base": OdometrySensor(topic="/odom"), "wall": LaserSensor(topic="/wall")})
+    stamps = np.array([0, 10 * NS_PER_S])
+    drives = Drive.of(rig, {"base": (stamps, np.array([[-1.0, 0.5, 0.0], [1.0, 0.5, 0.0]]))})
+    tracker = replace(result(synthetic), note="takes scan to stand")
+    write_report(tmp_path / "r.html", facts(), [tracker], Site(rig), truth=synthetic.truth, drives=drives)
+    text = (tmp_path / "r.html").read_text()
+    drawn = text[text.index('<svg class="map') :]
+    drawn = drawn[: drawn.index("</svg>")]
+    assert drawn.count('class="drive"') == 1 and "scan, base" in drawn
+    assert drawn.count('class="sensor"') == 2 and ">wall</title>" in drawn and ">scan</title>" not in drawn
+    assert "Dashed: the way of base with scan by its odometry" in text and "takes scan to stand" in text
+    write_report(tmp_path / "u.html", facts(), [tracker], Site(rig), truth=synthetic.truth)
+    assert "Not drawn: scan, on a base whose poses nothing tells" in (tmp_path / "u.html").read_text()
+    assert drives[0].at(np.array([5 * NS_PER_S, 99 * NS_PER_S])).tolist() == [[0.0, 0.5], [1.0, 0.5]]
+    still = replace(drives[0], xy=np.full((2, 2), 100.0))
+    assert tracker.evaluation is not None
+    alone = rig.model_copy(update={"sensors": {name: each for name, each in rig.sensors.items() if name != "wall"}})
+    assert all(row.by_distance[:2] == (0, 0) for row in cause_rows(tracker.evaluation.errors, alone, [still]))
 
 
 def test_without_any_track(tmp_path: Path, synthetic: SyntheticRun) -> None:
