@@ -191,6 +191,11 @@ class Area:
         self._border = (self._inward * self._start.T).sum(axis=1)[:, None]
         self._convex = rotation != 0 and bool((self._inward @ self._start >= self._border - _TOLERANCE_M).all())
 
+    @property
+    def corners(self) -> Array:
+        """The corners (c, 2) [m]."""
+        return self._start.T
+
     def contains(self, points: Array) -> Mask:
         """Return a mask (n,) of points (n, 2) in the polygon or within the margin of its border."""
         if not self._convex:

@@ -283,8 +283,6 @@ _BY_FILE = {
     ],
     "trackers/learning/boosting.py": [
         ("worst tree kept", "OnlineBoosting._boosted", "each.argmin", "each.argmax"),
-    ],
-    "trackers/learning/cart.py": [
         ("threshold on a sample", "SortedSamples._asked", "0.5 * (_A - _B)", "_A - _B"),
     ],
     "trackers/vision/histogram.py": [

@@ -137,37 +137,10 @@ class Building:
         found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, normal)
         return found if found >= 0 else np.inf
 
-    def ceiling_m(self, places_m: Array) -> Array:
-        """Return the height (n,) [m] of the ceiling from 2 m up over places (n, 2) [m]; inf under the sky."""
+    def ceiling_m(self, places_m: Array, from_m: float = 2.0) -> Array:
+        """Return the height (n,) [m] of the ceiling, looked for from this height up, over places (n, 2); inf under the sky."""
         up = np.array([0.0, 0.0, 1.0])
-        return np.array([2.0 + self._free_m(np.array([x, y, 2.0]), up) for x, y in places_m])
-
-    def way_along_walls_m(self, start_m: Array, places_m: Array) -> Array:
-        """Return the length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and
-        off it.
-        """
-        rise_m = np.abs(places_m[:, 2] - start_m[2])
-        return np.array([_length_m(self.route_along_walls(start_m, each)) for each in places_m]) + rise_m
-
-    def route_along_walls(self, start_m: Array, place_m: Array) -> Array:
-        """Return the corners (k, 2) [m] of a cable's route on the plan, between points of 2 or 3 coordinates.
-
-        To the nearest wall, the shorter way along the walls, and off them.
-        """
-        (first, foot), (last, end) = self._foot_on_wall(start_m), self._foot_on_wall(place_m)
-        n = len(self.outline)
-        forth = [(first + 1 + i) % n for i in range((last - first) % n)]
-        back = [(first - i) % n for i in range((first - last) % n)]
-        ways = [np.vstack([foot, self.outline[corners], end]) for corners in (forth, back)]
-        return np.vstack([start_m[:2], min(ways, key=_length_m), place_m[:2]])
-
-    def _foot_on_wall(self, place_m: Array) -> tuple[int, Array]:
-        """Return the edge of the outline nearest to a place, and the nearest point (2,) on it [m]."""
-        way = np.roll(self.outline, -1, axis=0) - self.outline
-        along = np.clip(((place_m[:2] - self.outline) * way).sum(axis=1) / (way**2).sum(axis=1), 0, 1)
-        feet = self.outline + along[:, None] * way
-        edge = int(np.hypot(*(feet - place_m[:2]).T).argmin())
-        return edge, feet[edge]
+        return np.array([from_m + self._free_m(np.array([x, y, from_m]), up) for x, y in places_m])
 
     def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
         """Return the two nearest walls that are not parallel: distance [m], foot (2,) on the outline, the wall's direction
@@ -198,11 +171,6 @@ class Building:
             return wall_m, along
         inwards = normal / level * [1, 1, 0]
         return self._free_m(place_m, -inwards), np.array([inwards[1], -inwards[0]])
-
-
-def _length_m(way: Array) -> float:
-    """Measure the length of a way through corners (k, 2) [m]."""
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
 _SLACK_M = 1e-6

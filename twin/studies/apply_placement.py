@@ -28,19 +28,20 @@ _Placed = tuple[Mount, DeviceKind]
 def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidatePose]) -> Scenario:
     """Return the scenario with the poses' devices in place of its own; the same scenario without poses.
 
-    A device of one sensor keeps its name, and further ones are called NAME-2, NAME-3 ... after their entry. Devices of an
-    entry with several sensors are NAME-1, NAME-2 ..., since names like `west` describe old positions; references to the
-    first sensor, as main sensor or in a fault, then mean the first again. Raises InputError for an invalid result: a fault
-    of a removed sensor, a scanner that cannot have its role at this height, two sensors of one name.
+    Devices are called after their entry, since names like `west` describe old positions: NAME, NAME-2 ... of an entry with
+    one sensor, NAME-1, NAME-2 ... of one with several; references to the first sensor, as main sensor or in a fault, then
+    mean the first again. Devices of several sensors each keep their names; further ones get the entry's appended.
+    Raises InputError for an invalid result: a fault of a removed sensor, a scanner that cannot have its role at this height,
+    two sensors of one name.
     """
     if not poses:
         return scenario
     sensors, housings = dict(scenario.sensors), dict(scenario.housings)
     called: dict[str, str] = {}
+    for own in [each for device in study.devices.values() for each in device.sensors_in(scenario)]:
+        del sensors[own]
     for name, device in study.devices.items():
         chosen = [(mount, device.kinds[pose.kind]) for pose in poses if pose.device == name for mount in pose.mounts]
-        for own in device.sensors_in(scenario):
-            del sensors[own]
         if device.housing is not None:
             placed_housings, placed = _on_housings(device.housing, device.sensors_in(scenario), name, chosen, scenario)
             del housings[device.housing]
@@ -104,11 +105,11 @@ def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
 
 
 def _single(device: Device, device_name: str, chosen: Sequence[_Placed], scenario: Scenario) -> dict[str, Any]:
-    """Describe devices of one sensor each: the first by the scenario's own name if that is the only one."""
+    """Describe devices of one sensor each, called after their entry."""
     templates = [scenario.sensors[name] for name in device.sensors]
     placed = {}
     for number, (mount, kind) in enumerate(chosen):
-        name = device.sensors[0] if number == 0 and len(templates) == 1 else f"{device_name}-{number + 1}"
+        name = device_name if number == 0 and len(templates) == 1 else f"{device_name}-{number + 1}"
         placed[name] = _described(templates[min(number, len(templates) - 1)], mount, kind)
     return placed
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from math import atan2, degrees, hypot, prod
 
@@ -12,12 +13,13 @@ from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.rig_sensors import Role, check_layer
 from twin.room.building import Building
+from twin.room.doorways import cable_route, doorways
 from twin.scenario import Scenario
 from twin.scenario.camera_descriptions import StereoDescription
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
 from twin.scenario.sensor_descriptions import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
-from twin.studies.devices import Device, n_steps, steps
+from twin.studies.devices import Constraints, Device, KeepFreeZone, n_steps, steps
 from twin.studies.spec import Study
 from twin.world.scene import Scene
 
@@ -151,8 +153,9 @@ def rejection_reasons(
     device: Device,
     mounts: list[tuple[Mount, ...]],
     held: list[Array],
+    zones: Sequence[KeepFreeZone],
 ) -> dict[str, Mask]:
-    """Return the mask (n,) of rejected candidate poses of a device by reason."""
+    """Return the mask (n,) of rejected candidate poses of a device by reason; zones: from `keep_free_zones`."""
     constraints, places = study.constraints, np.concatenate(held)
 
     def any_of(which: Mask) -> Mask:
@@ -173,16 +176,42 @@ def rejection_reasons(
     role = first.role if isinstance(first, LaserDescription) and device.housing is None else None
     if role is not None and not any("role" in kind.set for kind in device.kinds):
         reasons[f"tilted too far for a {role} scanner"] = np.array([_is_steep(role, each) for each in mounts])
-    for zone in constraints.keep_free:
+    for zone in zones:
         inside = Area(np.array(zone.polygon)).contains(places[:, :2])
-        reasons[f"in the zone {zone.name!r}"] = any_of(
-            inside & (places[:, 2] >= zone.from_m) & (places[:, 2] <= zone.to_m)
-        )
+        within = any_of(inside & (places[:, 2] >= zone.from_m) & (places[:, 2] <= zone.highest_m))
+        reason = f"in the zone {zone.name!r}"
+        reasons[reason] = reasons.get(reason, False) | within
     cable = constraints.cable
     if cable is not None and cable.most_m is not None:
         lengths_m = cable_lengths_m(study, building, held, len(mounts[0]))
         reasons[f"with more than {cable.most_m:g} m of cable"] = lengths_m.max(axis=1) > cable.most_m
     return reasons
+
+
+def keep_free_zones(constraints: Constraints, building: Building, source: str) -> tuple[KeepFreeZone, ...]:
+    """Return the zones without devices as polygons, one per doorway of those by doors.
+
+    Raises InputError, naming `source`, where the room has no doorway.
+    """
+    zones: list[KeepFreeZone] = []
+    for place, zone in enumerate(constraints.keep_free):
+        if zone.doors_m is None:
+            zones.append(zone)
+            continue
+        if not (doors := doorways(building)):
+            raise InputError(
+                f"{source}: constraints.keep_free.{place}.doors_m: {zone.doors_m:g} m around doors, and the room has none; a gap "
+                "in a wall, a geom called door, or a polygon is expected"
+            )
+        for door in doors:
+            corners = tuple((float(x), float(y)) for x, y in door.zone(zone.doors_m).round(4))
+            top_m = None if np.isinf(door.top_m) else door.top_m
+            zones.append(
+                zone.model_copy(
+                    update={"polygon": corners, "doors_m": None, "to_m": top_m if zone.to_m is None else zone.to_m}
+                )
+            )
+    return tuple(zones)
 
 
 def cable_lengths_m(study: Study, building: Building, held: list[Array], n_device: int) -> Array:
@@ -196,8 +225,11 @@ def cable_lengths_m(study: Study, building: Building, held: list[Array], n_devic
         return np.zeros((len(held), n_device))
     start = np.array(cable.start)
     places = np.concatenate(held)
-    straight = cable.along == "straight"
-    each = np.linalg.norm(places - start, axis=1) if straight else building.way_along_walls_m(start, places)
+    if cable.along == "straight":
+        each = np.linalg.norm(places - start, axis=1)
+    else:
+        doors = doorways(building)
+        each = np.array([cable_route(building, doors, start, place).length_m for place in places])
     return each.reshape(len(held), n_device, -1).max(axis=2)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,11 +22,12 @@ from twin.scenario.sensor_descriptions import AnyDescription
 from twin.studies.candidate_poses import (
     cable_lengths_m,
     candidate_mounts,
+    keep_free_zones,
     most_poses,
     rejection_reasons,
     sensor_positions,
 )
-from twin.studies.devices import Device
+from twin.studies.devices import Device, KeepFreeZone, format_price
 from twin.studies.spec import Study
 from twin.world.scene import Scene
 
@@ -79,11 +80,14 @@ class CandidateSet:
     positions: tuple[Array, ...]
     rejected: dict[str, dict[str, int]]
     n_considered: dict[str, int]
+    zones: tuple[KeepFreeZone, ...] = ()
+    """The zones without devices, as polygons."""
 
     @classmethod
     def of(cls, study: Study, scenario: Scenario, scene: Scene, source: str) -> CandidateSet:
         """Find the candidate poses in a scenario's room. Raises InputError, naming `source`, where a device has none."""
         building = building_of(scene)
+        zones = keep_free_zones(study.constraints, building, source)
         poses: list[CandidatePose] = []
         positions: list[Array] = []
         rejected: dict[str, dict[str, int]] = {}
@@ -105,7 +109,7 @@ class CandidateSet:
                 faults.append(f"{source}: devices.{name}: {_no_pose(device)}")
                 continue
             held = [sensor_positions(device, scenario, each) for each in mounts]
-            reasons = rejection_reasons(study, building, scene, scenario, device, mounts, held)
+            reasons = rejection_reasons(study, building, scene, scenario, device, mounts, held, zones)
             left = np.ones(len(mounts), dtype=bool)
             counts = {}
             for reason, violation in reasons.items():
@@ -127,7 +131,7 @@ class CandidateSet:
                     poses.append(CandidatePose(name, kind_number, mounts[number], price, float(cable_m[number])))
                     positions.append(held[number])
         raise_faults(faults)
-        candidate_set = cls(study, scenario, building, tuple(poses), tuple(positions), rejected, n_considered)
+        candidate_set = cls(study, scenario, building, tuple(poses), tuple(positions), rejected, n_considered, zones)
         candidate_set._check(source)
         return candidate_set
 
@@ -189,6 +193,15 @@ class CandidateSet:
             if not least <= number <= most:
                 return f"devices.{name}.count: {number} of them, {least} to {most} are expected"
         return self.conflict(chosen)
+
+    def over_budget(self, number: Mapping[str, int]) -> str:
+        """Return that so many devices cost more than the budget, wherever they are; "" where they may cost less."""
+        budget, least = self.study.constraints.budget, 0.0
+        for name, count in number.items():
+            least += float(np.sort(self.prices[self.by_device[name]])[:count].sum())
+        if budget is None or least <= budget + 1e-9:
+            return ""
+        return f"over the budget of {budget:g}: they cost {format_price(least)} at least"
 
     def conflict(self, chosen: list[int]) -> str:
         """Return the conflict between poses, whatever the required count; "" for none."""

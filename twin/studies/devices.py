@@ -35,6 +35,11 @@ CountRange = Annotated[
 """Least and most; one number is both."""
 
 
+def format_price(value: float) -> str:
+    """Format a price to the hundredth, whole ones without."""
+    return f"{value:.2f}".removesuffix(".00")
+
+
 _COUNTLESS = 1e15
 """Number of steps that stands for any larger one."""
 
@@ -212,12 +217,30 @@ class Cable(Strict):
 
 
 class KeepFreeZone(Strict):
-    """Part of the room without devices."""
+    """Part of the room without devices: a polygon, or what is near the doors."""
 
     name: Text = Field(description="what it is, for errors and the plan")
-    polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] = Field(description="its corners on the floor [m]")
+    polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] | None = Field(
+        default=None, description="its corners on the floor [m]; none: by the doors"
+    )
+    doors_m: Metres | None = Field(
+        default=None, description="all that is no farther than this from a doorway on the plan [m]; none: the polygon"
+    )
     from_m: Metres = Field(default=0.0, description="lowest height [m]")
-    to_m: Metres = Field(default=1000.0, description="greatest height [m]")
+    to_m: Metres | None = Field(
+        default=None, description="greatest height [m]; none: any height, by doors the height of the door"
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> KeepFreeZone:
+        if (self.polygon is None) == (self.doors_m is None):
+            raise ValueError("one of polygon and doors_m is expected, as in {name: doors, doors_m: 1}")
+        return self
+
+    @property
+    def highest_m(self) -> float:
+        """The greatest height [m]; infinity: any."""
+        return np.inf if self.to_m is None else self.to_m
 
 
 class Constraints(Strict):

@@ -2,7 +2,7 @@
 // Computes what twin/studies/visibility.py does; frames, units and names are those of the package.
 "use strict";
 const RoomPlan = (() => {
-  const TRUNK_M = 0.35, LEGS_M = 0.2, TRUNK_FROM_M = 0.7, NUDGE_M = 0.01, SIGHTS = [-2 / 3, 0, 2 / 3];
+  const TRUNK_M = 0.35, LEGS_M = 0.2, TRUNK_FROM_M = 0.7, NUDGE_M = 0.01, OUTLINE_M = 0.05, SIGHTS = [-2 / 3, 0, 2 / 3];
   const rad = Math.PI / 180;
 
   // ---- geometry ----------------------------------------------------------------------------------------------------
@@ -169,6 +169,76 @@ const RoomPlan = (() => {
     return found.reduce((count, value) => count + (value >= least), 0) / Math.max(cells.length, 1);
   }
 
+  // ---- places and prices -------------------------------------------------------------------------------------------
+  const within = (prism, [x, y, z]) => z > prism.low && z < prism.high && prism.sides.every(([nx, ny, c]) => nx * x + ny * y < c);
+  function footOn(ring, x, y) { // nearest point of a closed line: distance, and how far along the line it is [m]
+    let best = { gap: Infinity }, past = 0;
+    ring.forEach(([ax, ay], i) => {
+      const [bx, by] = ring[(i + 1) % ring.length], dx = bx - ax, dy = by - ay, length = Math.hypot(dx, dy);
+      const share = length ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / length ** 2, 0), 1) : 0;
+      const gap = Math.hypot(ax + share * dx - x, ay + share * dy - y);
+      if (gap < best.gap) best = { gap, along: past + share * length };
+      past += length;
+    });
+    return { ...best, around: past };
+  }
+  function cableLength(plan, xyz) { // as `cable_route`: along the walls, over doorways in the way
+    const { start, straight, doors } = plan.constraints.cable;
+    if (straight) return Math.hypot(...start.map((value, axis) => xyz[axis] - value));
+    const first = footOn(plan.outline, start[0], start[1]), last = footOn(plan.outline, xyz[0], xyz[1]), { around } = first;
+    const turn = (value) => ((value % around) + around) % around;
+    return first.gap + last.gap + Math.abs(xyz[2] - start[2]) + Math.min(...[[first.along, 1], [last.along, -1]].map(([begin, way]) => {
+      const length = turn((last.along - first.along) * way);
+      const passed = doors.filter(([low, high]) => [-1, 0, 1].some((n) => {
+        const middle = (low + high) / 2 + n * around;
+        return begin < middle && middle < begin + length;
+      }));
+      return length + 2 * Math.max(0, ...passed.map((each) => each[2] - Math.max(start[2], xyz[2])));
+    }));
+  }
+  function faultsOf(plan, sensor, sensors) { // why a sensor must not be where it is
+    const rules = plan.constraints, [x, y, z] = sensor.xyz, faults = [];
+    if (z < 0) faults.push("below the floor");
+    if ([...plan.solid, ...plan.panes].some((each) => within(each, sensor.xyz))) faults.push("inside a thing of the room");
+    else if (!inside(plan.outline, x, y) && footOn(plan.outline, x, y).gap > OUTLINE_M) faults.push("outside the building");
+    if (!sensor.is_device) return faults;
+    for (const zone of rules.zones) {
+      if (inside(zone.corners, x, y) && z >= zone.from_m && z <= (zone.to_m ?? Infinity)) faults.push(`in the zone ${zone.name}`);
+    }
+    if (rules.walkable && z < rules.walked_below_m && inside(rules.walkable, x, y) && rules.obstacles.every(
+      (each) => !inside(each, x, y) && footOn(each, x, y).gap > rules.obstacle_reach_m)) faults.push(`lower than ${rules.walked_below_m} m where people walk`);
+    for (const other of sensors) {
+      const gap = Math.hypot(...sensor.xyz.map((value, axis) => value - other.xyz[axis]));
+      if (other !== sensor && other.is_device && gap < Math.max(rules.apart_m ?? 0, 1e-6) - 1e-9) {
+        faults.push(`${gap.toFixed(2)} m from ${other.name}, at least ${rules.apart_m} m is expected`);
+      }
+    }
+    const most = rules.cable?.most_m, length = most ? cableLength(plan, sensor.xyz) : 0;
+    if (most && length > most) faults.push(`${length.toFixed(1)} m of cable, at most ${most} m is expected`);
+    return faults;
+  }
+  function priceOf(plan, sensors) { // of devices and cables; null where nothing costs anything
+    const { cable } = plan.constraints, devices = sensors.filter((each) => each.is_device);
+    if (!cable?.price_per_m && devices.every((each) => each.price === null)) return null;
+    return devices.reduce((sum, each) => sum + each.price + (cable ? cable.price_per_m * cableLength(plan, each.xyz) : 0), 0);
+  }
+  function placeBeside(plan, sensor, sensors) { // the nearest free place: around a sensor, or as far off the walls as it is
+    const [x, y, z] = sensor.xyz, ring = plan.outline, places = [];
+    for (const gap of [0.5, 1, 1.5, 2, 3, 4]) for (let turn = 0; turn < 360; turn += 30) {
+      places.push([x + gap * Math.cos(turn * rad), y + gap * Math.sin(turn * rad)]);
+    }
+    const { gap: off } = footOn(ring, x, y);
+    ring.forEach(([ax, ay], i) => {
+      const [bx, by] = ring[(i + 1) % ring.length], length = Math.hypot(bx - ax, by - ay), way = [(bx - ax) / length, (by - ay) / length];
+      for (let along = off; along <= length - off; along += 0.25) places.push([ax + along * way[0] - off * way[1], ay + along * way[1] + off * way[0]]);
+    });
+    const found = places.map(([u, v]) => {
+      const xyz = [Math.round(u * 100) / 100, Math.round(v * 100) / 100, z];
+      return { xyz, faults: faultsOf(plan, { ...sensor, xyz }, sensors).length, gap: Math.hypot(u - x, v - y) };
+    }).filter((each) => each.gap > 0.3);
+    return found.sort((a, b) => a.faults - b.faults || a.gap - b.gap)[0].xyz;
+  }
+
   // ---- the scenario as YAML ----------------------------------------------------------------------------------------
   function yamlOf(plan, sensors, original) {
     const numbers = (values) => `[${values.map((value) => +value.toFixed(4)).join(", ")}]`;
@@ -179,23 +249,38 @@ const RoomPlan = (() => {
     for (const before of original) {
       if (!sensors.some((each) => each.name === before.name)) lines.push(`  ${JSON.stringify(before.name)}: null`);
     }
+    const unchanged = lines.length;
     for (const sensor of sensors) {
-      const before = original.find((each) => each.name === sensor.name);
+      const before = original.find((each) => each.name === sensor.name), role = roleOf(plan, sensor);
+      const mount = `    mount: {xyz: ${numbers(sensor.xyz)}, yaw_deg: ${+sensor.yaw_deg.toFixed(3)}, ` +
+        `pitch_deg: ${+sensor.pitch_deg.toFixed(3)}, roll_deg: ${+sensor.roll_deg.toFixed(3)}}`;
+      const isSame = before && JSON.stringify(before.model) === JSON.stringify(sensor.model);
+      if (isSame && JSON.stringify(pose(before)) === JSON.stringify(pose(sensor))) continue; // as in the file that it extends
       lines.push(`  ${JSON.stringify(sensor.name)}:`);
-      if (!before || before.model !== sensor.model) {
+      if (!isSame) {
         for (const [key, value] of Object.entries(sensor.model)) lines.push(`    ${key}: ${JSON.stringify(value)}`);
+        const gone = before?.kind === sensor.kind ? Object.keys(before.model).filter((key) => !(key in sensor.model)) : [];
+        for (const key of gone) lines.push(`    ${key}: null`);
       }
-      if (before) lines.push("    housing: null");
-      if (sensor.kind === "laser") lines.push("    role: null"); // waist or knee, by the height
-      lines.push(
-        `    mount: {xyz: ${numbers(sensor.xyz)}, yaw_deg: ${+sensor.yaw_deg.toFixed(3)}, ` +
-        `pitch_deg: ${+sensor.pitch_deg.toFixed(3)}, roll_deg: ${+sensor.roll_deg.toFixed(3)}}`,
-      );
+      if (before?.is_housed) lines.push("    housing: null");
+      if (sensor.kind === "laser" && role !== (before?.kind === "laser" ? before.role : null)) lines.push(`    role: ${role}`);
+      lines.push(mount);
     }
+    if (lines.length === unchanged && lines[unchanged - 1] === "sensors:") lines[unchanged - 1] += " {}";
     return lines.join("\n") + "\n";
   }
+  const pose = ({ xyz, yaw_deg, pitch_deg, roll_deg }) => [xyz, yaw_deg, pitch_deg, roll_deg];
+  function roleOf(plan, sensor) { // the sensor's own, while its height and tilt allow; raised or lowered, that of its layer
+    const tilt = Math.acos(Math.min(1, Math.abs(rotationOf(sensor)[2][2]))) / rad;
+    if (!sensor.role || tilt > plan.most_tilt_deg + 1e-6) return null;
+    const layer = (z) => (z >= plan.waist_from_m ? "waist" : "knee");
+    return layer(sensor.xyz[2]) === layer(sensor.role_z) ? sensor.role : layer(sensor.xyz[2]);
+  }
 
-  function planOf(content) { return { ...content, solid: prepared(content.prisms) }; }
-  return { planOf, cellsOf, resolution, floorShare, wanted, yamlOf, castRay, poseOf, rad };
+  function planOf(content) {
+    const sensors = content.sensors.map((each) => ({ ...each, role_z: each.xyz[2] })); // the height that its role is of
+    return { ...content, sensors, solid: prepared(content.prisms), panes: prepared(content.glass) };
+  }
+  return { planOf, cellsOf, resolution, floorShare, wanted, yamlOf, castRay, poseOf, rad, inside, faultsOf, priceOf, placeBeside };
 })();
 if (typeof module !== "undefined") module.exports = RoomPlan;

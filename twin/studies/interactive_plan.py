@@ -20,12 +20,16 @@ from markupsafe import Markup
 from scipy.spatial import ConvexHull, QhullError
 
 from trackers.arrays import Array
+from trackers.rig_sensors import MOST_TILT_DEG, WAIST_FROM_M
 from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
-from twin.room.building import Building, room_outline
+from twin.room.building import Building
+from twin.room.doorways import doorways
+from twin.room.obstacles import OBSTACLE_REACH_M, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensor_descriptions import LaserDescription
+from twin.studies.devices import Constraints, KeepFreeZone
 from twin.studies.spec import Coverage
 
 SLICE_M = 0.05
@@ -45,12 +49,15 @@ def plan_data(
     *,
     extends: str,
     folder: Path = Path(),
-    prices: Mapping[str, float] | None = None,
+    prices: Mapping[str, float | None] | None = None,
+    constraints: Constraints | None = None,
+    zones: Sequence[KeepFreeZone] = (),
 ) -> dict[str, Any]:
     """Collect the content of the page's plan, ready for JSON.
 
     names: the scanners and cameras on it; area (k, 2) [m]; extends: the scenario file, in `folder`, that the copied YAML
-    extends; prices: of each sensor's device, None if unknown.
+    extends; prices: of the devices that a study places, by the name of each one's first sensor, None: free; constraints:
+    those of the study, and its `zones` as polygons.
     """
     return {
         "area": np.round(area, 4).tolist(),
@@ -64,8 +71,36 @@ def plan_data(
         "run_by": shlex.join(["twin", "run", (folder / "plan.yaml").as_posix()]),
         "name": f"{scenario.name}-plan",
         "prisms": room_prisms(building.model, building.data),
-        "glass": [np.round(each, 4).tolist() for each in room_outline(building.model, building.data, glass_only=True)],
-        "sensors": [_sensor(scenario, name, (prices or {}).get(name)) for name in names],
+        "glass": room_prisms(building.model, building.data, glass=True),
+        "sensors": [_sensor(scenario, name, prices or {}) for name in names],
+        "constraints": _constraints(constraints, zones, building),
+        "waist_from_m": WAIST_FROM_M,
+        "most_tilt_deg": MOST_TILT_DEG,
+    }
+
+
+def _constraints(constraints: Constraints | None, zones: Sequence[KeepFreeZone], building: Building) -> dict[str, Any]:
+    """Return the constraints of a study, empty without one; cables with the doorways along the outline."""
+    if constraints is None:
+        return {"zones": []}
+    cable = constraints.cable and {
+        "start": list(constraints.cable.start),
+        "straight": constraints.cable.along == "straight",
+        "most_m": constraints.cable.most_m,
+        "price_per_m": constraints.cable.price_per_m,
+        "doors": [[*each.span_m, each.top_m] for each in doorways(building) if each.span_m and np.isfinite(each.top_m)],
+    }
+    return {
+        "zones": [
+            {"name": each.name, "corners": each.polygon, "from_m": each.from_m, "to_m": each.to_m} for each in zones
+        ],
+        "budget": constraints.budget,
+        "apart_m": constraints.apart_m,
+        "cable": cable,
+        "walked_below_m": constraints.walked_below_m,
+        "walkable": np.round(building.walkable.corners, 4).tolist(),
+        "obstacles": [np.round(each.corners, 4).tolist() for each in obstacles_of(building.model)],
+        "obstacle_reach_m": OBSTACLE_REACH_M,
     }
 
 
@@ -81,14 +116,14 @@ def section(plan: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def room_prisms(model: mujoco.MjModel, data: mujoco.MjData) -> list[dict[str, Any]]:
-    """Return the prisms of all geoms that rays meet: `z` (low, high) and `corners` (k, 2), counter-clockwise [m].
+def room_prisms(model: mujoco.MjModel, data: mujoco.MjData, *, glass: bool = False) -> list[dict[str, Any]]:
+    """Return the prisms of all geoms that rays meet, or pass: `z` (low, high) and `corners` (k, 2), counter-clockwise [m].
 
     `data` needs kinematics. Geoms without volume are left out.
     """
     prisms = []
     for geom in range(model.ngeom):
-        if model.geom_rgba[geom, 3] == 0 or not RAY_GROUPS[model.geom_group[geom]]:
+        if model.geom_rgba[geom, 3] == 0 or bool(RAY_GROUPS[model.geom_group[geom]]) == glass:
             continue
         points = hull_points(model, data, geom)
         if points is None:
@@ -129,7 +164,7 @@ def _prism(low_m: float, high_m: float, points: Array) -> dict[str, Any] | None:
     return {"z": [round(float(low_m), 4), round(float(high_m), 4)], "corners": np.round(corners, 4).tolist()}
 
 
-def _sensor(scenario: Scenario, name: str, price: float | None) -> dict[str, Any]:
+def _sensor(scenario: Scenario, name: str, prices: Mapping[str, float | None]) -> dict[str, Any]:
     """Return a sensor: its mount, the pose of its own frame in that of the mount, its field, and its description."""
     description = in_the_room(scenario, name)
     assert hasattr(description, "mount")
@@ -148,7 +183,10 @@ def _sensor(scenario: Scenario, name: str, price: float | None) -> dict[str, Any
     return {
         "name": name,
         "kind": description.kind,
-        "price": price,
+        "role": getattr(description, "role", None),
+        "is_housed": getattr(scenario.sensors[name], "housing", None) is not None,
+        "is_device": name in prices,
+        "price": prices.get(name),
         "xyz": list(mount.xyz),
         "yaw_deg": mount.yaw_deg,
         "pitch_deg": mount.pitch_deg,

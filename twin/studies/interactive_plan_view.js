@@ -24,10 +24,7 @@
     }
     return counts;
   }
-  function solidAt([x, y, z]) {
-    return plan.solid.some((each) => z > each.low && z < each.high &&
-      each.sides.every(([nx, ny, c]) => nx * x + ny * y < c));
-  }
+  const faultsOf = (sensor) => RoomPlan.faultsOf(plan, sensor, sensors);
   function best(kindIsLaser) {
     return cells.map((_, i) => Math.max(0, ...sensors.filter((each) => (each.kind === "laser") === kindIsLaser)
       .map((each) => { const { rough, values } = found.get(each); return values[rough ? Math.floor(i / 5) : i]; })));
@@ -82,7 +79,9 @@
     }
     pen.globalAlpha = 1;
     pen.fillStyle = "#8fd0ea"; pen.strokeStyle = "#3b9fc4"; pen.lineWidth = ratio;
-    for (const pane of plan.glass) { outline(pen, pane); pen.fill(); pen.stroke(); }
+    for (const pane of plan.panes) { outline(pen, pane.corners); pen.fill(); pen.stroke(); }
+    pen.strokeStyle = colour("--quiet"); outline(pen, plan.outline); pen.stroke();
+    plan.constraints.zones.forEach((zone) => drawZone(pen, zone, ratio));
     pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = "#11151a"; pen.lineWidth = ratio;
     outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
     for (const sensor of drawn()) {
@@ -90,13 +89,28 @@
       drawSensor(pen, sensor, together.map((each) => sensors.indexOf(each) + 1).join(","), ratio);
     }
   }
+  function drawZone(pen, { corners, name }, ratio) { // hatched, as on the printed plan
+    pen.save();
+    pen.strokeStyle = pen.fillStyle = "#b5341f"; pen.lineWidth = 0.7 * ratio;
+    outline(pen, plan.outline); pen.clip(); outline(pen, corners); pen.stroke(); pen.clip();
+    const pixels = corners.map(toPixel), [low, high] = [Math.min, Math.max].map((end) => [0, 1].map((axis) => end(...pixels.map((each) => each[axis]))));
+    pen.globalAlpha = 0.5; pen.beginPath();
+    for (let u = low[0] - (high[1] - low[1]); u < high[0]; u += 9 * ratio) { pen.moveTo(u, high[1]); pen.lineTo(u + high[1] - low[1], low[1]); }
+    pen.stroke(); pen.restore(); pen.save();
+    const shown = corners.filter(([x, y]) => RoomPlan.inside(plan.outline, x, y)), of = shown.length ? shown : corners;
+    const middle = toPixel([0, 1].map((axis) => of.reduce((sum, each) => sum + each[axis], 0) / of.length));
+    pen.fillStyle = "#b5341f"; pen.strokeStyle = "#fff"; pen.lineWidth = 3 * ratio; pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "center"; pen.textBaseline = "middle";
+    for (const way of ["strokeText", "fillText"]) pen[way](name, ...middle);
+    pen.restore();
+  }
   const drawn = () => [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
   function tipOf(sensor) { // of the arrow, which turns the sensor
     const [u, v] = toPixel(sensor.xyz), angle = sensor.yaw_deg * RoomPlan.rad, length = 34 * (window.devicePixelRatio || 1);
     return [u + length * Math.cos(angle), v - length * Math.sin(angle)];
   }
   function drawSensor(pen, sensor, numbers, ratio) {
-    const [u, v] = toPixel(sensor.xyz), [tu, tv] = tipOf(sensor), wrong = solidAt(sensor.xyz);
+    const [u, v] = toPixel(sensor.xyz), [tu, tv] = tipOf(sensor), wrong = faultsOf(sensor).length > 0;
     const ink = wrong ? "#c2330f" : sensor === chosen ? "#0b57d0" : "#11151a";
     for (const [shade, wider] of [["#fff", 1.5 * ratio], [ink, 0]]) { // a white edge: the map is light, the page may be dark
       pen.strokeStyle = pen.fillStyle = shade; pen.lineWidth = 2 * (ratio + wider);
@@ -116,18 +130,20 @@
       const { values } = found.get(sensor), least = RoomPlan.wanted(plan, sensor);
       shares[sensor.name] = values.filter((value) => value >= least).length / Math.max(values.length, 1);
       const price = sensor.price === null ? "" : `<td class="num">${sensor.price}</td>`;
-      const inside = solidAt(sensor.xyz) ? " – inside a thing of the room" : "";
       return `<tr data-row="${i}"${sensor === chosen ? ' class="chosen"' : ""}><td>${i + 1}</td><th></th>` +
-        `<td class="num">${percent(shares[sensor.name])}${inside}</td>${price}</tr>`;
+        `<td class="num">${percent(shares[sensor.name])}</td>${price}</tr>`;
     });
     find("rows").innerHTML = rows.join("");
     find("rows").querySelectorAll("th").forEach((each, i) => { each.textContent = sensors[i].name; });
-    const total = cells.length || 1, prices = sensors.map((each) => each.price).filter((each) => each !== null);
+    const total = cells.length || 1, price = RoomPlan.priceOf(plan, sensors), { budget, cable } = plan.constraints;
+    const faults = sensors.flatMap((each) => faultsOf(each).map((fault) => `${each.name}: ${fault}`));
+    if (price !== null && budget != null && price > budget + 1e-9) faults.push(`price ${+price.toFixed(2)}: over the budget of ${budget}`);
+    find("faults").textContent = faults.length ? `Not allowed – ${faults.join("; ")}.` : "";
     find("sum").textContent = [
       `seen by at least 1: ${percent(counts.filter((value) => value >= 1).length / total)}`,
       `by at least 2: ${percent(counts.filter((value) => value >= 2).length / total)}`,
       `blind: ${blind.toFixed(1)} m²`,
-      ...(prices.length ? [`price of the devices: ${prices.reduce((sum, each) => sum + each, 0)}`] : []),
+      ...(price === null ? [] : [`price ${cable ? "with cables" : "of the devices"}: ${+price.toFixed(2)}`]),
     ].join(" · ");
     for (const [field, value] of Object.entries({
       x: chosen.xyz[0], y: chosen.xyz[1], z: chosen.xyz[2], yaw: chosen.yaw_deg, pitch: chosen.pitch_deg, roll: chosen.roll_deg,
@@ -185,8 +201,8 @@
   }
   models.forEach((each, i) => find("model").add(new Option(`${each.kind} as ${each.name}`, i)));
   find("model").addEventListener("change", (event) => {
-    const { kind, model, field, mount_from_sensor, price } = models[event.target.value];
-    Object.assign(chosen, { kind, model, field, mount_from_sensor, price }); update([chosen]);
+    const { kind, model, field, mount_from_sensor, price, role, role_z, is_device } = models[event.target.value];
+    Object.assign(chosen, { kind, model, field, mount_from_sensor, price, role, role_z, is_device }); update([chosen]);
   });
   find("rows").addEventListener("click", (event) => {
     const row = event.target.closest("tr");
@@ -197,7 +213,7 @@
     let number = 2;
     while (sensors.some((each) => each.name === `${chosen.name}_${number}`)) number++;
     const added = copyOf({ ...chosen, name: `${chosen.name}_${number}` });
-    added.xyz[0] += 0.5; sensors.push(added); chosen = added; update([added]);
+    added.xyz = RoomPlan.placeBeside(plan, chosen, sensors); sensors.push(added); chosen = added; update([added]);
   });
   find("remove").addEventListener("click", () => {
     if (sensors.length < 2) return;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,18 +10,21 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
+from twin.messages import counted
 from twin.models import MODELS
 from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import format_number
 from twin.report.palette import data_uri, page_template
 from twin.scenario import Scenario
 from twin.studies.candidate_set import BASELINE
-from twin.studies.devices import Device
+from twin.studies.devices import format_price
 from twin.studies.interactive_plan import plan_data, section
-from twin.studies.plots import PlanSensor, floor_plan, heat_map, pareto_plot, plan_sensors, trial_map
+from twin.studies.mounting_plan import floor_plan, parts_list
+from twin.studies.plots import PlanSensor, heat_map, pareto_plot, plan_sensors, trial_map
 from twin.studies.results import StudyResults, describe_placement
+from twin.studies.spec import Objective
 from twin.studies.trials import Trial
-from twin.studies.validation import moved_sensors
+from twin.studies.validation import format_value, moved_sensors
 from twin.studies.visibility import cell_size_m, looking_sensors
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
@@ -45,7 +49,14 @@ def write_page(path: Path, results: StudyResults) -> None:
     sensors = plan_sensors(scenario, moved_sensors(study, prepared.scenario, scenario), candidate_set.building)
     devices_m = [np.array(each.xyz) for pose in results.best.placement for each in candidate_set.poses[pose].mounts]
     drawn, scale, width_mm = floor_plan(
-        scenario, prepared.scenario, sensors, candidate_set.building, area, study.constraints, devices_m
+        scenario,
+        prepared.scenario,
+        sensors,
+        candidate_set.building,
+        area,
+        study.constraints,
+        devices_m,
+        candidate_set.zones,
     )
     objective = results.objective
     content: dict[str, Any] = {
@@ -56,8 +67,11 @@ def write_page(path: Path, results: StudyResults) -> None:
         "drawn_plan": data_uri(drawn),
         "scale": scale,
         "width_mm": round(width_mm, 1),
-        "parts": _parts(results),
+        "parts": parts_list(results),
         "best": _trial_row(results, results.best),
+        "cheaper": _cheaper(results),
+        "of": _counted(results),
+        "floor_seen": f"{100 * float((results.floor.n_seeing >= study.coverage.at_least).mean()):.1f} %",
         "baseline": _trial_row(results, results.baseline),
         "front": [_trial_row(results, each) for each in results.front],
         "indistinguishable": [
@@ -88,20 +102,33 @@ def write_page(path: Path, results: StudyResults) -> None:
     write_atomic(path, study_template("page.html.j2").render(**content))
 
 
+def _cheaper(results: StudyResults) -> tuple[str, str, float] | None:
+    """Return the sentence on the cheaper placement, the placement, and the `cheapest_within` that recommends it."""
+    if (found := results.cheaper) is None:
+        return None
+    said = found.sentence(results.objective, _value(results, found.trial))
+    return said, describe_placement(results, found.trial.placement), found.within
+
+
 def _value(results: StudyResults, trial: Trial) -> float:
     return trial.value(results.objective, results.prepared.study.scenarios)
+
+
+def _value_text(objective: Objective, value: float) -> str:
+    name = f"{objective.column} " * (objective.kind == "coverage")
+    return name + format_value(objective, value)
 
 
 def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
     study = results.prepared.study
     metrics = "–" if trial.failure and trial.placement != BASELINE else " · ".join(
-        f"{each.column} {trial.value(each, study.scenarios):.4g}"
+        _value_text(each, trial.value(each, study.scenarios))
         for each in study.objectives
         if each.kind != "price" and (trial.seeds or each.kind != "metric")
     )  # fmt: skip
     return {
         "places": describe_placement(results, trial.placement),
-        "price": f"{trial.price:g}",
+        "price": format_price(trial.price),
         "coverage": "–" if trial.coverage is None else f"{100 * trial.coverage:.1f} %",
         "metrics": metrics,
         "seeds": str(len(trial.seeds)),
@@ -109,30 +136,27 @@ def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
     }
 
 
-def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
-    """List the parts to buy: device and kind, number, unit price without cable, and metres of cable."""
-    candidate_set, study, rows = results.prepared.candidate_set, results.prepared.study, []
-    for name, device in study.devices.items():
-        for number, kind in enumerate(device.kinds):
-            mine = [
-                candidate_set.poses[each]
-                for each in results.best.placement
-                if candidate_set.poses[each].device == name and candidate_set.poses[each].kind == number
-            ]
-            if mine:
-                what = f"{name}: {_device_label(device, results.prepared.scenario)}" + (
-                    "" if kind.name == "as-is" else f", {kind.name}"
-                )
-                cable = sum(pose.cable_m for pose in mine)
-                count = sum(len(pose.mounts) for pose in mine)
-                rows.append((what, str(count), f"{device.price_of(kind):g}", f"{cable:.1f} m" if cable else "–"))
-    return rows
+def _counted(results: StudyResults) -> str:
+    """Say of what coverage is a share."""
+    asked, targets = results.prepared.study.coverage, results.coverage.targets
+    if asked.of == "people":
+        return f"{targets.n} person-frames"
+    n = asked.samples * len(targets.sampled_worlds)
+    return (
+        f"cells of the floor, people in the way in {counted(n, 'sample')}" if n else "cells of the empty room's floor"
+    )
 
 
-def _rejections(results: StudyResults) -> list[tuple[str, int, dict[str, int]]]:
-    """Return the number of poses considered, and rejected by each reason, by device."""
-    candidate_set = results.prepared.candidate_set
-    return [(name, candidate_set.n_considered[name], reasons) for name, reasons in candidate_set.rejected.items()]
+def _rejections(results: StudyResults) -> list[str]:
+    """Tell for each device how many poses were considered, how many rejected, by each reason, and how many left."""
+    candidate_set, sentences = results.prepared.candidate_set, []
+    for name, reasons in candidate_set.rejected.items():
+        n_considered, n_rejected = candidate_set.n_considered[name], sum(reasons.values())
+        why = f" ({', '.join(f'{count} {reason}' for reason, count in reasons.items())})" if reasons else ""
+        sentences.append(
+            f"{name}: {counted(n_considered, 'pose')}, {n_rejected} rejected{why}, {n_considered - n_rejected} left"
+        )
+    return sentences
 
 
 def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
@@ -147,23 +171,25 @@ def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, 
     area, building = prepared.scene.area, prepared.candidate_set.building
     names, cell_m = looking_sensors(scenario), cell_size_m(area, _PLAN_CELLS)
     prices = _prices(results, scenario)
-    coverage = prepared.study.coverage
+    study = prepared.study
     return plan_data(
-        scenario, names, building, area, coverage, cell_m, extends="recommended.yaml", folder=folder, prices=prices
-    )
+        scenario, names, building, area, study.coverage, cell_m, extends="recommended.yaml", folder=folder, prices=prices,
+        constraints=study.constraints, zones=prepared.candidate_set.zones,
+    )  # fmt: skip
 
 
-def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
-    """Return the price of each sensor's device, at its first sensor; empty if all are free."""
-    candidate_set, prices = results.prepared.candidate_set, {}
+def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float | None]:
+    """Return the price of each device by the name of its first sensor; None if all are free."""
+    candidate_set, prices = results.prepared.candidate_set, dict[str, float | None]()
     for device_name, device in results.prepared.study.devices.items():
         if device.sensors:
-            mine = [each for each in scenario.sensors if each in device.sensors or each.startswith(f"{device_name}-")]
+            named = re.compile(rf"{re.escape(device_name)}(-\d+)?")
+            mine = [each for each in scenario.sensors if each in device.sensors or named.fullmatch(each)]
             prices |= {each: candidate_set.device_price(device, scenario.sensors[each]) for each in mine}
             continue
         for first in device.sensors_in(scenario)[:1]:
             prices[first] = candidate_set.device_price(device, None)
-    return prices if any(prices.values()) else {}
+    return prices if any(prices.values()) else dict.fromkeys(prices)
 
 
 def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[Any]:
@@ -240,7 +266,7 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
             np.concatenate(places), np.array(values), _baseline_places(results), sensors, candidate_set.building,
             results.prepared.scene.area, results.objective.column,
         )  # fmt: skip
-        text = "Devices of every candidate, by its worth; circled: recommended; crosses: the scenario's own."
+        text = "Devices of every candidate, by its worth; circled: recommended; crosses: the baseline."
         return text, data_uri(drawn)
     svg = pareto_plot(
         np.column_stack([across, first]),
@@ -268,10 +294,3 @@ def _standard_error(results: StudyResults, trial: Trial) -> float:
         return 0.0
     values = trial.values_by_seed(results.objective, results.prepared.study.scenarios, trial.seeds)
     return float(values.std(ddof=1) / np.sqrt(len(values)))
-
-
-def _device_label(device: Device, scenario: Scenario) -> str:
-    """Name a device for the list of parts."""
-    kind = scenario.sensors[device.sensors_in(scenario)[0]].kind
-    held = len(device.together) or 1
-    return kind if held == 1 else f"{kind} and {held - 1} more on one mount"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,12 +21,13 @@ from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
 from twin.studies.coverage import PoseCoverage
+from twin.studies.devices import format_price
 from twin.studies.preflight import PreparedStudy
 from twin.studies.search import Result, n_placements
 from twin.studies.set_cover import Cover
 from twin.studies.spec import Objective
 from twin.studies.trials import Trial, losses, placement_id
-from twin.studies.validation import PairedDifference
+from twin.studies.validation import CheaperPlacement, PairedDifference, nearly_as_good
 from twin.studies.visibility import (
     FloorResolution,
     SensorVisibility,
@@ -68,12 +69,22 @@ class StudyResults:
         return self.prepared.study.objectives[0]
 
     @property
+    def whole(self) -> list[Trial]:
+        """The trials that were evaluated on all seeds, without the baseline."""
+        n_seed = self.prepared.study.search.replicates[-1] if self.prepared.study.validated else 0
+        trials = [each for each in self.result.trials.values() if not each.failure and each is not self.baseline]
+        return [each for each in trials if len(each.seeds) >= n_seed]
+
+    @cached_property
+    def cheaper(self) -> CheaperPlacement | None:
+        """The cheapest trial, or the baseline, nearly as good as the recommended one; None where it is the recommended one."""
+        return nearly_as_good(self.prepared.study, self.best, [self.baseline, *self.whole])
+
+    @property
     def best_of_each_count(self) -> tuple[Trial, ...]:
         """The best trial by the first objective of every number of devices that was evaluated whole."""
         study, candidate_set = self.prepared.study, self.prepared.candidate_set
-        n_seed = study.search.replicates[-1] if study.validated else 0
-        trials = [each for each in self.result.trials.values() if not each.failure and each is not self.baseline]
-        whole = [each for each in trials if len(each.seeds) >= n_seed]
+        whole = self.whole
         best: dict[tuple[str, ...], Trial] = {}
         for number in np.argsort(losses(whole, study.objectives, study.scenarios)[:, 0], kind="stable"):
             devices = (candidate_set.poses[each].device for each in whole[number].placement)
@@ -142,6 +153,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
         "searched": results.searched,
         "baseline": row(results.baseline),
         "best": row(results.best),
+        **({"nearly_as_good": _cheaper_row(results, row)} if results.cheaper else {}),
         "pareto": [row(each) for each in results.front],
         "best_of_each_count": [row(each) for each in results.best_of_each_count],
         "indistinguishable": [placement_id(each.placement) for each, _ in results.indistinguishable],
@@ -162,6 +174,13 @@ def summarize(results: StudyResults) -> dict[str, Any]:
         **({"evaluated_in_this_run": results.n_evaluated} if results.prepared.trackers else {}),
         "seconds_of_this_run": round(results.spent_s, 1),
     }  # fmt: skip
+
+
+def _cheaper_row(results: StudyResults, row: Callable[[Trial], dict[str, Any]]) -> dict[str, Any]:
+    found = results.cheaper
+    assert found is not None
+    said = found.sentence(results.objective, found.trial.value(results.objective, results.prepared.study.scenarios))
+    return {**row(found.trial), "sentence": said, "worse_by": found.worse, "cheapest_within": found.within}
 
 
 def _proof(first: Cover, best: Cover | None) -> dict[str, Any]:
@@ -189,7 +208,7 @@ def describe_placement(results: StudyResults, placement: Placement) -> str:
     """Describe a placement in one line."""
     candidate_set, study = results.prepared.candidate_set, results.prepared.study
     if placement == BASELINE:
-        return "the scenario's own"
+        return "baseline"
     parts = []
     for each in placement:
         pose = candidate_set.poses[each]
@@ -269,10 +288,18 @@ def _print(console: Console, found: dict[str, Any]) -> None:
     rows: list[list[str]] = []
     for each in shown.values():
         mark = "recommended: " if each["candidate"] == found["best"]["candidate"] else ""
-        values = [_text(each.get(objective)), *([] if covers else [_text(each["coverage"])]), f"{each['price']:g}"]
+        values = [
+            _text(each.get(objective)),
+            *([] if covers else [_text(each["coverage"])]),
+            format_price(each["price"]),
+        ]
         rows.append([mark + each["places"], *values, *([str(each["seeds"])] if tracks else [])])
     searched = found.get("searched") or f"{found['candidates'] - 1} placements beside the baseline"
     print_table(heads, rows, title=f"{found['study']}: {searched}")
+    if near := found.get("nearly_as_good"):
+        console.print(
+            f"nearly as good: {near['sentence']}: {near['places']}; cheapest_within: {near['cheapest_within']:g} recommends it"
+        )
     for row in found["held_out"]:
         console.print(f"held out, {row['what']}: {_text(row['other'])} -> {_text(row['ours'])}, {_interval(row)}")
     for row in found["proven"]:

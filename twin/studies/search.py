@@ -141,6 +141,10 @@ class Searcher:
     def _by_coverage(self, *, prove: bool) -> None:
         choice = self.cover_problem()
         for number in self.numbers():
+            if refused := self.candidate_set.over_budget(number):
+                none = Cover((), 0.0, 0.0, sum(number.values()), refused)
+                self.result.proven.append((number, none, none if prove else None))
+                continue
             first = greedy(choice, number)
             best = exact(choice, number, self.study.search.limit_s) if prove else None
             self.result.proven.append((number, first, best))
@@ -261,6 +265,8 @@ class Searcher:
             return
         choice = self.cover_problem()
         for number in self.numbers():
+            if self.candidate_set.over_budget(number):
+                continue
             found = greedy(choice, number)
             self.result.proven.append((number, found, None))
             start: dict[str, float] = {}

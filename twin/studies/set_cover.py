@@ -67,12 +67,14 @@ class Cover:
     """Set of poses, its coverage, and an upper bound on that of any set of `wanted` poses.
 
     Of fewer than `wanted` poses where no such set that keeps the constraints was found; the bound is then 0 if there is none.
+    refused: the constraint that no such set can keep; "" where it took a search.
     """
 
     chosen: tuple[int, ...]
     value: float
     bound: float
     wanted: int = 0
+    refused: str = ""
 
     @property
     def complete(self) -> bool:
@@ -85,7 +87,9 @@ class Cover:
         return self.complete and self.bound <= self.value + _ROUNDING
 
     def summary(self) -> str:
-        """Return 'optimal', the gap, or that no set keeps the constraints."""
+        """Return 'optimal', the gap, or that no set keeps the constraints, and which."""
+        if self.refused:
+            return self.refused
         if not self.complete:
             return "no placement keeps the constraints" if self.bound <= 0 else "none found that keeps the constraints"
         return "optimal" if self.optimal else f"at most {self.bound - self.value:.4f} below the best"

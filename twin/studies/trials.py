@@ -243,5 +243,5 @@ class TrialRunner:
 
 
 def placement_id(placement: Placement) -> str:
-    """Return the name of a placement in files: indices of its poses, or 'own' for the baseline."""
-    return "-".join(map(str, placement)) or "own"
+    """Return the name of a placement in files: indices of its poses, or 'baseline'."""
+    return "-".join(map(str, placement)) or "baseline"

@@ -16,8 +16,9 @@ from twin.scenario.sensor_descriptions import FloorDescription
 from twin.streams import stream
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage
+from twin.studies.devices import format_price
 from twin.studies.spec import Objective, Study, scenario_key
-from twin.studies.trials import Trial, TrialRunner, placement_id
+from twin.studies.trials import Trial, TrialRunner, losses, placement_id
 from twin.suites.metrics import MeanOverSeeds, mean_over_seeds
 
 DISPLACEMENTS = (("5 cm", 0.05, 0.0), ("2°", 0.0, 2.0))
@@ -204,3 +205,50 @@ def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -
         here = run.metric_by_seed(objective, f"{placement_id(best.placement)} {what}", weights, displaced)
         rows.append(paired_difference(what, base, here))
     return rows
+
+
+NEARLY = 0.01
+"""Share of the best value by the first objective within which a placement counts as nearly as good."""
+
+
+@dataclass(frozen=True)
+class CheaperPlacement:
+    """Trial that is cheaper than the recommended one and nearly as good.
+
+    worse: share of the recommended one's value by which it is worse; within: the `cheapest_within` that recommends it.
+    """
+
+    trial: Trial
+    worse: float
+    within: float
+
+    def sentence(self, objective: Objective, value: float) -> str:
+        """Tell what it costs and gives; value: by the first objective."""
+        share = f"{100 * self.worse:.1f} % {'less' if objective.more_is_better else 'more'}"
+        less = share if self.worse >= 5e-4 else "as much"
+        return f"{format_price(self.trial.price)} gives {format_value(objective, value)}, {less}"
+
+
+def nearly_as_good(study: Study, best: Trial, others: Sequence[Trial]) -> CheaperPlacement | None:
+    """Return the cheapest of other trials that is cheaper than the best and nearly as good; None if there is none.
+
+    None too where the study recommends the cheapest itself.
+    """
+    if study.cheapest_within is not None:
+        return None
+    trials = [best, *others]
+    loss = losses(trials, study.objectives, study.scenarios)[:, 0]
+    most = NEARLY * abs(loss[0])
+    near = [n for n in range(1, len(trials)) if loss[n] - loss[0] <= most and trials[n].price < best.price - 1e-9]
+    if not near:
+        return None
+    least = min(near, key=lambda n: (trials[n].price, loss[n]))
+    worse = max(0.0, float(loss[least] - loss[0]))
+    return CheaperPlacement(
+        trials[least], worse / abs(float(loss[0])) if worse else 0.0, float(np.ceil(1000 * worse) / 1000)
+    )
+
+
+def format_value(objective: Objective, value: float) -> str:
+    """Format a value of an objective: a coverage in percent."""
+    return f"{100 * value:.1f} %" if objective.kind == "coverage" else f"{objective.column} {value:.4g}"

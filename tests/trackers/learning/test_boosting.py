@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from pydantic import ValidationError
 
-from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
-from trackers.learning.cart import Trees
+from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers, Trees
 
 LEAST = 0.01
 

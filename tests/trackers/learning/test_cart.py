@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from sklearn.tree import DecisionTreeClassifier
 
-from trackers.learning.cart import Grown, SortedSamples, Trees
+from trackers.learning.boosting import Grown, SortedSamples, Trees
 
 
 def draw(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -61,21 +61,10 @@ def test_places_along_walls_face_the_room(shed: Building) -> None:
     assert (np.minimum(2.9 - np.abs(ahead[:, 0]), 1.9 - np.abs(ahead[:, 1])) > 0.05).all()
 
 
-def test_ceilings_cables_and_the_nearest_walls(shed: Building) -> None:
+def test_ceilings_and_the_nearest_walls(shed: Building) -> None:
     assert shed.ceiling_m(np.array([[0.0, 0.0], [20.0, 20.0]])) == pytest.approx([2.5, np.inf])
-    here, there = np.array([0.0, -1.9, 0.3]), np.array([[0.0, 1.8, 2.3], [0.5, -1.9, 0.3]])
-    assert shed.way_along_walls_m(here, there) == pytest.approx([5.8 + 3.8 + 0.1 + 2.0, 0.5], abs=0.2)
     (first, foot, _), (second, _, _) = shed.walls_nearest(np.array([2.0, 1.7, 1.0]))
     assert (first, second) == pytest.approx((0.2, 0.9)) and foot == pytest.approx([2.0, 1.9], abs=0.05)
-
-
-def test_a_cable_s_way_keeps_to_the_walls_and_is_as_long_as_counted(shed: Building) -> None:
-    here, there = np.array([0.0, -1.9, 0.3]), np.array([0.0, 1.5, 0.3])
-    way = shed.route_along_walls(here, there)
-    assert np.hypot(*np.diff(way, axis=0).T).sum() == pytest.approx(shed.way_along_walls_m(here, there[None])[0])
-    at_wall = np.minimum(2.9 - np.abs(way[1:-1, 0]), 1.9 - np.abs(way[1:-1, 1]))
-    assert at_wall == pytest.approx(0.0, abs=0.05)
-    assert len(shed.route_along_walls(here, np.array([0.5, -1.9, 0.3]))) == 4  # along one wall: no corner
 
 
 def test_distances_are_square_to_the_wall(shed: Building) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from command_line import twin
 
+from trackers.user_input.plain_data import dump_yaml
 from twin.scenario import load_scenario
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
@@ -131,3 +132,60 @@ def test_sensors_that_are_raised_exchanged_and_added_see_what_the_twin_says(tmp_
     assert changed["knee"].mount.xyz[2] == 0.6
     assert changed["fisheye"].kind == "laser"
     assert changed["fisheye"].mount.xyz[2] == 1.9
+
+
+def test_what_a_study_forbids_is_said_and_a_copy_stands_where_it_may(tmp_path: Path) -> None:
+    study = {
+        "name": "forbids",
+        "scenarios": [{"scenario": "lab-five-people", "set": {"duration_s": 1, "sensors.fisheye": None}}],
+        "devices": {
+            "waist": {
+                "sensors": ["waist"],
+                "walls": {"height_m": 0.95, "off_m": 0.15, "every_m": 2},
+                "aim": "area",
+                "price": 1500,
+            }
+        },
+        "constraints": {
+            "budget": 2000,
+            "apart_m": 1,
+            "cable": {"from": [-2.9, 1, 0.3], "price_per_m": 10},
+            "keep_free": [{"name": "the door", "doors_m": 0.6}],
+        },
+        "objectives": [{"kind": "coverage"}],
+        "coverage": {"of": "floor", "samples": 0, "cell_m": 0.4},
+        "search": {"method": "greedy"},
+    }
+    (tmp_path / "study.yaml").write_text(dump_yaml(study), "utf-8")
+    ended = twin("study", "run", tmp_path / "study.yaml", "--jobs", "1", "--out", tmp_path / "out")
+    assert ended.returncode == 0, ended.stderr
+    said = read(
+        tmp_path / "out" / "report.html",
+        """
+        Object.defineProperty(navigator, "clipboard", { value: { writeText: (text) => { said.copied = text; } } });
+        const set = (name, value) => {
+          part(name).value = value; part(name).dispatchEvent(new Event("input", { bubbles: true }));
+        };
+        const row = [...part("rows").querySelectorAll("th")].findIndex((each) => each.textContent === "waist");
+        const tell = () => ({ faults: part("faults").textContent, sum: part("sum").textContent });
+        choose(row); said.recommended = tell();
+        part("add").click(); said.added = { ...tell(), ...placed(), z: field("z") };
+        part("copy").click(); said.shown = part("yaml").value;
+        set("x", 2.8); set("y", 1.3); said.by_the_door = tell();
+        set("x", 9); said.outside = tell();
+        part("remove").click(); said.removed = tell();
+        """,
+    )
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    assert said["recommended"]["faults"] == said["removed"]["faults"] == ""
+    price = float(said["recommended"]["sum"].rpartition("price with cables: ")[2])
+    assert price == pytest.approx(summary["best"]["price"], abs=0.5)
+    assert re.fullmatch(r"Not allowed – price [\d.]+: over the budget of 2000.", said["added"]["faults"])
+    assert said["copied"] == said["shown"]
+    (tmp_path / "out" / "plan.yaml").write_text(said["copied"], "utf-8")
+    copied, own = (load_scenario(tmp_path / "out" / name).sensors for name in ("plan.yaml", "recommended.yaml"))
+    assert copied["waist"] == own["waist"]
+    there = own["waist"].mount.model_copy(update={"xyz": tuple(said["added"][axis] for axis in "xyz")})
+    assert copied["waist_2"] == own["waist"].model_copy(update={"mount": there})
+    assert "in the zone the door" in said["by_the_door"]["faults"]
+    assert "waist_2: outside the building" in said["outside"]["faults"]

@@ -39,6 +39,29 @@ def test_no_place_is_amid_the_floor_in_a_wall_or_outside(tmp_path: Path) -> None
     assert len(everywhere.poses) > len(candidate_set.poses)
 
 
+def test_by_doors_nothing_hangs_lower_than_they_are_high(tmp_path: Path) -> None:
+    """The lab's door: 1 m wide in the wall x = 3, its middle at y = 1.3, 2.02 m high."""
+    box = {"x_m": [2.0, 2.8], "y_m": [0, 3], "z_m": [0.9, 2.4], "every_m": 0.25}
+    devices, all_places = {"waist": {"sensors": ["waist"], "box": box}}, {"walked_below_m": 0}
+    zone = {"name": "doors", "doors_m": 0.6}
+    free, kept = (
+        np.array(mounts(prepared(tmp_path, devices=devices, constraints=all_places | more).candidate_set))
+        for more in ({}, {"keep_free": [zone]})
+    )
+    off_m = np.hypot(np.clip(2.97 - free[:, 0], 0, None), np.clip(np.abs(free[:, 1] - 1.3) - 0.53, 0, None))
+    near = (off_m < 0.55) & (free[:, 2] < 2.0)
+    far = (off_m > 0.68) | (free[:, 2] > 2.1)
+    left = {tuple(each) for each in kept}
+    assert near.any() and not left & {tuple(each) for each in free[near]}
+    assert far.any() and left >= {tuple(each) for each in free[far]}
+
+
+def test_more_devices_than_the_budget_pays_for_are_told(tmp_path: Path) -> None:
+    candidate_set = prepared(tmp_path, devices__rig__count=[1, 2], constraints={"budget": 2000.5}).candidate_set
+    assert candidate_set.over_budget({"rig": 1}) == ""
+    assert candidate_set.over_budget({"rig": 2}) == "over the budget of 2000.5: they cost 3000 at least"
+
+
 def test_a_rig_keeps_its_poses_and_counts_price_cable_and_distance(tmp_path: Path) -> None:
     ready = prepared(
         tmp_path,
@@ -130,6 +153,11 @@ def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(
     write_scenario(path, load_scenario(own_file), moved, own_file, "there", "moved")
     loaded = load_scenario(path)
     assert loaded.sensors == moved.sensors and loaded.faults == moved.faults and loaded.main_sensor == "scanner-2"
+    one_sensor = {"finder": {"sensors": ["west"], "places": places, "count": [1, 3]}}
+    ready = prepared(tmp_path, devices=one_sensor, scenarios=[{"scenario": "late.yaml"}], trackers=["sort"])
+    renamed = apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))
+    assert sorted(renamed.sensors) == ["east", "finder", "finder-2", "finder-3"]
+    assert renamed.main_sensor == "east" and renamed.faults["gone"].sensor == ("finder",)
 
 
 def test_a_new_device_takes_no_name_of_a_sensor_that_stays(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ from trackers.user_input.plain_data import dump_yaml
 from twin.scenario import load_scenario
 from twin.studies.candidate_set import building_of
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
-from twin.studies.plots import floor_plan, plan_sensors
+from twin.studies.mounting_plan import MARGIN_M, floor_plan
+from twin.studies.plots import plan_sensors
 from twin.world.scene import build_scene
 
 PT_PER_MM = 72 / 25.4
@@ -34,8 +35,10 @@ def plan_of(lab, constraints: Constraints) -> tuple[ElementTree.Element, int, np
     scenario, scene, building = lab
     sensors = plan_sensors(scenario, list(scenario.sensors), building)
     places = [np.array([2.0, -0.1, 1.0])]
-    svg, scale, _ = floor_plan(scenario, scenario, sensors, building, scene.area, constraints, places)
-    return ElementTree.fromstring(svg), scale, building.outline.min(axis=0) - 0.4
+    svg, scale, _ = floor_plan(
+        scenario, scenario, sensors, building, scene.area, constraints, places, constraints.keep_free
+    )
+    return ElementTree.fromstring(svg), scale, building.outline.min(axis=0) - MARGIN_M
 
 
 def test_walls_stand_on_paper_where_they_stand_in_the_room(lab) -> None:
@@ -59,7 +62,7 @@ def test_zones_and_cables_are_drawn(lab) -> None:
 def test_all_text_has_one_size(lab) -> None:
     svg, *_ = plan_of(lab, Constraints(cable=CABLE, keep_free=(DOOR,)))
     texts = {each.text: each.get("style", "") for each in svg.iter("{http://www.w3.org/2000/svg}text")}
-    assert {"waist 90°", DOOR.name, "1 m"} <= set(texts)
+    assert {"waist", "h 0.95 m, 90°", DOOR.name, "1 m", "0, 0"} <= set(texts)
     sizes = [float(found[1]) for style in texts.values() if (found := re.search(r"([\d.]+)px", style))]
     assert len(sizes) == len(texts) and np.ptp(sizes) < 0.05
 
@@ -91,5 +94,27 @@ def test_walls_are_told_from_furniture_and_labels_of_near_sensors_keep_apart(tmp
     assert drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 7
     texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
     assert {"1,2", "3"} <= {each.text for each in texts}
-    lines = [float(each.get("y", "nan")) for each in texts if each.text in ("low 0°", "by_it 0°")]
-    assert abs(lines[0] - lines[1]) > 7
+    assert {
+        each.letter
+        for sensor in plan_sensors(scenario, list(scenario.sensors), building_of(scene))
+        for each in sensor.walls
+    } <= {each.text.split()[-1] for each in texts if each.text}
+    boxes = [(each.text, *box_of(each)) for each in texts]
+    for place, (text, low, high) in enumerate(boxes):
+        for other, other_low, other_high in boxes[:place]:
+            if not {text, other} <= {"1,2", "3"}:
+                assert (low >= other_high).any() or (other_low >= high).any(), (text, other)
+
+
+def box_of(text: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of a text of the plan [pt], of letters 0.5 em wide and 0.7 em high, unless turned."""
+    style, words = text.get("style", ""), text.text or ""
+    size = float(re.search(r"([\d.]+)px", style)[1])  # pyright: ignore[reportOptionalSubscript]
+    turned = text.get("transform", "")
+    at = turned[turned.index("translate") :].partition(")")[0] if "translate" in turned else turned
+    x, y = map(float, re.findall(r"-?[\d.]+", at)[-2:])
+    width = 0.5 * size * len(words)
+    left = width / 2 if "text-anchor: middle" in style else 0.0
+    if "rotate(-90" in turned:
+        return np.array([x - 0.7 * size, y - width + left]), np.array([x, y + left])
+    return np.array([x - left, y - 0.7 * size]), np.array([x - left + width, y])

@@ -90,7 +90,7 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     path, out, summary = whole
     with (out / "candidates.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    assert rows[0]["candidate"] == "own" and len(rows) == 7
+    assert rows[0]["candidate"] == rows[0]["places"] == "baseline" and len(rows) == 7
     assert {row["replicates"] for row in rows} == {"1", "2"}
     best = max((row for row in rows if row["replicates"] == "2"), key=lambda row: float(row["sort: hota"]))
     assert summary["best"]["sort: hota"] == pytest.approx(float(best["sort: hota"]), abs=1e-6)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from small_study import written
+from small_study import changed, written
 
 from trackers.errors import InputError
 from twin import models
@@ -18,6 +18,8 @@ from twin.studies.preflight import prepare
 from twin.studies.results import print_summary
 from twin.studies.run import run_study
 from twin.studies.spec import Study, load_study
+from twin.studies.trials import Trial
+from twin.studies.validation import nearly_as_good
 from twin.suites.cluster import Workers
 
 PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
@@ -162,7 +164,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(
 def test_a_tracker_that_ignores_what_is_moved_is_refused(tmp_path: Path) -> None:
     devices = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
     path = written(tmp_path, devices=devices, scenarios=[{"scenario": "lab-five-people"}])
-    with pytest.raises(InputError, match=r"trackers.0: 'laser-imm' makes no use of fisheye, which the study moves"):
+    with pytest.raises(InputError, match=r"trackers.0: 'laser-imm' makes no use of camera, which the study moves"):
         prepare(path)
 
 
@@ -268,3 +270,27 @@ def test_the_summary_of_a_former_version_is_shown(tmp_path: Path, capsys: pytest
         print_summary(tmp_path)
         shown.append(capsys.readouterr().out)
     assert shown[0] == shown[1] and "0.5000" in shown[0]
+
+
+@pytest.mark.parametrize(
+    ("found", "nearly", "said"),
+    [
+        ([(0.938, 3098), (0.935, 1984.27), (0.92, 1500)], 1, "1984.27 gives 93.5 %, 0.3 % less"),
+        ([(0.938, 3098), (0.938, 3000)], 1, "3000 gives 93.8 %, as much"),
+        ([(0.938, 3098), (0.937, 3098), (0.92, 10)], None, ""),
+    ],
+)
+def test_a_cheaper_placement_that_is_nearly_as_good_is_named(found: list, nearly: int | None, said: str) -> None:
+    """At most 1 % worse; and with the `cheapest_within` that it names the study recommends it."""
+    study = Study.model_validate(changed({"objectives": [{"kind": "coverage"}], "held_out": None, "trackers": []}))
+    best, *others = (Trial((number,), price, coverage=value) for number, (value, price) in enumerate(found))
+    cheaper = nearly_as_good(study, best, others)
+    if nearly is None:
+        assert cheaper is None
+        return
+    assert cheaper is not None and cheaper.trial is others[nearly - 1]
+    assert cheaper.sentence(study.objectives[0], found[nearly][0]) == said
+    within = [price for value, price in found if value >= best.coverage - cheaper.within]
+    assert min(within) == cheaper.trial.price
+    asked = study.model_copy(update={"cheapest_within": 0.1})
+    assert nearly_as_good(asked, best, others) is None  # it recommends the cheapest itself
