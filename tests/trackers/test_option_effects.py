@@ -28,7 +28,7 @@ from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
-from trackers.rig import Rig
+from trackers.rig import Pose, Rig
 from trackers.user_input.plain_data import deep_merge
 
 MOST = 60
@@ -202,6 +202,32 @@ def _passing() -> Recording:
 
 
 @cache
+def _aside(step_m: float) -> Recording:
+    """One person stands behind another before a camera, and steps aside; a scanner 0.8 m beside the camera sees both."""
+    walk = straight_walk([(0.0, 1.2), (0.05, 2.0)], [(0.0, 0.0), (0.0, 0.001)], 12)
+    walk.position[8:, 1, 0] += step_m
+    of_scanner = Walk(walk.position - (0.8, 0.0), walk.heading, walk.phase)
+    there = Pose(xyz=(0.8, 0, 0.95), rpy=(0, 0, np.pi / 2))
+    on = rig(knee=False)
+    waist = on.sensors["waist"].model_copy(update={"room_from_sensor": there})
+    on = on.model_copy(update={"sensors": {**on.sensors, "waist": waist}})
+    rng, seen = np.random.default_rng(3), []
+    for k, each in enumerate(each for each in observe(walk, 4) if each.sensor == "camera"):
+        seen += [scan(of_scanner, k, "waist", each.stamp_ns, rng), each]
+    return Recording(on, Prior.of([scan(None, k, "waist", k, rng) for k in range(6)]), seen)
+
+
+@cache
+def _waists() -> Recording:
+    """Two people who pass each other between two scanners at the height of their waists."""
+    on = Rig(sensors={name: two_scanners.laser(name == "back", "waist") for name in ("front", "back")})
+    walk, sides = straight_walk([(-1.2, 1.5), (1.2, 1.75)], [(0.8, 0.0), (-0.8, 0.0)], 24), (False, True)
+    empty = [two_scanners.one_scan(None, k, 0.1 * k, back, 7, "waist") for k in range(6) for back in sides]
+    seen = [two_scanners.one_scan(walk, k, 1 + 0.1 * k, back, 3, "waist") for k in range(len(walk)) for back in sides]
+    return Recording(on, Prior.of(empty), seen)
+
+
+@cache
 def _behind() -> Recording:
     """Three people before one low scanner and a camera that looks down on them; for a while one hides behind another."""
     walk, lasers = _out_of_sight(), rig(waist=False, camera=False)
@@ -317,23 +343,19 @@ def _lit(seen: list[Any]) -> list[Observation]:
     return [each if isinstance(each, FloorFrame) else replace(each, rgb=lit(each.rgb, each.t)) for each in seen]
 
 
-TOGETHER: dict[str, dict[str, Any]] = {"environment.odd_height": {"environment": {"high_m": 1.5}}}
+TOGETHER: dict[str, dict[str, Any]] = {
+    "environment.odd_height": {"environment": {"high_m": 1.5}},
+    "recognition.correlated": {"recognition": {"drawn": "all"}},
+}
 """Options set with one that has an effect with them alone."""
 
 EXEMPT = {
     "laser-fisheye-imm": {
         "camera": "tests/trackers/test_presets.py: a choice of sensors",
         "appearance.same_below": "test_laser_fisheye_association.py: a person who was out of sight",
-        "appearance.max_overlap": "test_colour.py: one who covers another just as their shirt is learned",
-        "waist.fuse_m": "test_laser_group.py: two scanners of one height",
     },
     "laser-vision-learning": {
         "camera": "tests/trackers/test_presets.py: a choice of sensors",
-        "recognition.correlated": "test_recognition.py: a correlated person whom no scanner sees",
-        **dict.fromkeys(
-            ("looks.maps.reach_m", "looks.maps.deviation", "looks.maps.levels"),
-            "test_score_maps.py: a correlated person whom no scanner sees",
-        ),
         **dict.fromkeys(
             ("recognition.remember_s", "identities.jointly"),
             "test_recognition.py: people who are exchanged in a merge, a person who comes back",
@@ -374,20 +396,20 @@ def trials(system: str) -> Iterator[Trial]:
         flickers = _open(((1, 3), (), ()))  # before it is confirmed
         yield Trial(system, (*_room(False)[-3:], flickers), {"track_management"})
     if system == "laser-fisheye-imm":
-        yield Trial("laser-imm", _room(False))
+        yield Trial("laser-imm", (*_room(False), _waists()))
         paper = {group: values for group, values in PAPER.items() if group != "appearance"}  # a camera's
         idle = (  # the paper updates by pairs of legs alone, and here none of them begins beside another
             *("legs.single_leg_variance_m2", "legs.single_leg_s", "legs.shanks_lean", "legs.start_apart_m"),
             # their persons coast, so that one who comes up elsewhere is another; and all are upright
             *("track_management.reid_m", "track_management.confirm_moved_m", "posture.seated_m"),
         )
-        yield Trial("laser-imm", _room(False), set(paper), paper, idle)
-        yield Trial(system, _room(True), ("appearance",))
+        yield Trial("laser-imm", (*_room(False), _waists()), set(paper), paper, idle)
+        yield Trial(system, (*map(_aside, (0.38, 0.4, 0.42)), *_room(True)), ("appearance",))
     if system == "laser-vision-learning":
         yield Trial("laser-vision-learning-laser", _room(False))
         yield Trial(system, (_passing(),), ("recognition", "identities"))
         yield Trial(system, (_behind(),), ("pictures",))
-        yield Trial(system, (_passing(),), ("looks",), {"looks": {"by": "classifier"}})
+        yield Trial(system, (_passing(),), ("looks",), {"looks": {"by": "classifier"}, "recognition": {"drawn": "all"}})
     if system == "laser-vision-learning-vision":
         yield Trial(system, (*_view(), _flickers(), _taken_place()))
     if system in ("floor-colour-kalman", "camera-floor-particle", "rgbd-head"):

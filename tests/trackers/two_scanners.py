@@ -23,10 +23,10 @@ def laser(back: bool, role: Role = "knee") -> LaserSensor:
 RIG = Rig(sensors={"front": laser(False), "back": laser(True)}, area=AREA)
 
 
-def one_scan(walk: Walk | None, k: int, t: float, back: bool, seed: int) -> LaserScan:
+def one_scan(walk: Walk | None, k: int, t: float, back: bool, seed: int, role: Role = "knee") -> LaserScan:
     if walk is not None and back:
         walk = Walk(np.array([0.0, AWAY_M]) - walk.position, walk.heading + np.pi, walk.phase)
-    observed = scan(walk, k, "knee", round(t * NS_PER_S), np.random.default_rng([seed, k, back]))
+    observed = scan(walk, k, role, round(t * NS_PER_S), np.random.default_rng([seed, k, back]))
     return replace(observed, sensor="back" if back else "front")
 
 
