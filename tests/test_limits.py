@@ -7,9 +7,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from trackers.user_input import text_file
 from trackers.user_input.plain_data import parse_yaml
 from trackers.user_input.text_file import read_text
@@ -69,6 +70,50 @@ def test_every_budget_is_refused_by_the_rule() -> None:
     assert not wrong, f"refused without trackers.user_input.text_file: {wrong}"
     unused = set(NO_BUDGETS) - {bound for _, bound, asked in found if not asked}
     assert not unused, f"named here, found nowhere: {unused}"
+
+
+BOUND = re.compile(r"at (least|most)|or (less|more)|up to|(less|more) than|below|above|within|longer|shorter|exceed")
+NO_VALUES = {
+    "np.radians(angle_rad)": "what the value would be in another unit",
+    "fold_deg": "where the picture folds, beside the bound that follows from it",
+}
+"""Numbers in refusals that are no values beside a bound, each with what they are."""
+
+
+def rounded_beside_bounds() -> Iterator[tuple[Path, str]]:
+    """Module and number of each refusal that names a bound and writes a number with fixed digits."""
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for text in ast.walk(node) if isinstance(node, ast.Raise) else ():
+                if not isinstance(text, ast.JoinedStr):
+                    continue
+                words = "".join(str(each.value) for each in text.values if isinstance(each, ast.Constant))
+                for each in text.values if BOUND.search(words) else ():
+                    spec = (
+                        ast.unparse(each.format_spec)
+                        if isinstance(each, ast.FormattedValue) and each.format_spec
+                        else ""
+                    )
+                    if re.search(r"\.\d+[fg]", spec):
+                        yield path, ast.unparse(each.value)
+
+
+def test_no_refusal_rounds_a_value_onto_its_bound() -> None:
+    found = list(rounded_beside_bounds())
+    wrong = [f"{path.relative_to(ROOT)}: {number}" for path, number in found if number not in NO_VALUES]
+    assert not wrong, f"to be written by trackers.errors.text_near_bound: {wrong}"
+    assert set(NO_VALUES) == {number for _, number in found}
+
+
+def test_a_value_near_a_bound_is_written_on_its_side_of_it_and_briefly_elsewhere() -> None:
+    rng = np.random.default_rng(0)
+    for bound in (0.0, 0.35, 0.5, 12.0, 60.0, 100.0, 1e-3, *(float(f"{each:g}") for each in rng.uniform(0, 1e3, 50))):
+        for off in (*-(10.0 ** rng.uniform(-12, 2, 8)), *10.0 ** rng.uniform(-12, 2, 8), 0.0):
+            value = bound + off
+            for spec in (".0f", ".1f", ".2f", ".3g", ".6g"):
+                text = text_near_bound(value, bound, spec)
+                assert (float(text) > bound) == (value > bound) and (float(text) < bound) == (value < bound)
+    assert text_near_bound(0.3, 0.35) == "0.30" and text_near_bound(0.3481, 0.35) == "0.348"
 
 
 def test_only_the_rule_says_how_limits_are_lifted() -> None:

@@ -14,6 +14,7 @@ from trackers.area import Pose
 from trackers.cameras.intrinsics import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
+from trackers.errors import text_near_bound
 from trackers.observations import ForceCurve
 
 Role = Literal["waist", "knee"]
@@ -48,8 +49,9 @@ def check_layer(role: Role, room_from_sensor: Pose) -> None:
     """Raise ValueError for a scanner that is tilted too far to scan the layer of its role."""
     tilt_deg = float(np.degrees(np.arccos(min(1.0, abs(room_from_sensor.rotation[2, 2])))))
     if round(tilt_deg, 6) > MOST_TILT_DEG:
+        tilt = text_near_bound(tilt_deg, MOST_TILT_DEG, ".4g")
         raise ValueError(
-            f"role: a {role} scanner scans level, and this one is tilted by {tilt_deg:.4g}°; at most {MOST_TILT_DEG:g}°, "
+            f"role: a {role} scanner scans level, and this one is tilted by {tilt}°; at most {MOST_TILT_DEG:g}°, "
             "or no role, is valid"
         )
 

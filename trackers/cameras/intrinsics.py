@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat
 
 from trackers.arrays import Array, ArrayOrNumber, Bool, Float, Mask
 from trackers.configuration import Strict
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 
 LARGEST_SIDE_PX = 8192
 """Greatest width and height of a picture."""
@@ -136,9 +136,10 @@ class PinholeIntrinsics(Intrinsics):
         """Raise InputError where the lens folds inside the picture, or the picture reaches too far from the axis."""
         reach = np.abs(self.edge_tangents())
         if reach.max() > MAX_TANGENT:
+            reach_deg, most_deg = (float(np.rad2deg(np.arctan(each))) for each in (reach.max(), MAX_TANGENT))
             raise InputError(
-                f"the picture reaches {np.rad2deg(np.arctan(reach.max())):.1f}° from the camera's axis; "
-                f"at most {np.rad2deg(np.arctan(MAX_TANGENT)):.1f}° is valid, a fisheye sees farther"
+                f"the picture reaches {text_near_bound(reach_deg, most_deg, '.1f')}° from the camera's axis; "
+                f"at most {most_deg:g}° is valid, a fisheye sees farther"
             )
 
     def edge_tangents(self) -> Float[Array, "260 2"]:
@@ -287,10 +288,10 @@ class FisheyeIntrinsics(Intrinsics):
     def check_view(self) -> None:
         """Raise InputError where r(θ) stops growing inside the field of view, or no light falls on the picture."""
         if self.fold_angle_rad <= self.field_of_view_rad / 2:
-            fold_deg = float(np.rad2deg(self.fold_angle_rad))
+            fold_deg, view_deg = (float(np.rad2deg(each)) for each in (self.fold_angle_rad, self.field_of_view_rad))
             raise InputError(
                 f"lens: with k = {list(self.k)} the picture folds back {fold_deg:.1f}° from the axis; "
-                f"a field of view below {2 * fold_deg:.1f}° is valid, not {float(np.rad2deg(self.field_of_view_rad)):g}°"
+                f"a field of view below {2 * fold_deg:g}° is valid, not {text_near_bound(view_deg, 2 * fold_deg, '.6g')}°"
             )
         nearest = np.clip([self.cx, self.cy], -0.5, [self.width - 0.5, self.height - 0.5])
         if np.isnan(self.rays(nearest)).any():

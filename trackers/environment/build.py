@@ -30,7 +30,7 @@ from trackers.environment.grid import (
 )
 from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from trackers.rig import Rig
 from trackers.user_input.array_files import ArraySpec, read_arrays
 from trackers.user_input.text_file import AnyPath, as_path, refuse_unless_lifted
@@ -122,9 +122,10 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
     bottom = floor_m - 1.5 * voxel
     lowest, highest = cloud.origins_m[:, 2].min(), cloud.origins_m[:, 2].max()
     if not floor_m < lowest <= highest < top:
+        low, high = text_near_bound(lowest - floor_m, 0), text_near_bound(highest - floor_m, top - floor_m)
         raise InputError(
-            f"point cloud: stations stand {lowest - floor_m:.2f} to {highest - floor_m:.2f} m above the floor that was "
-            f"found at {floor_m:.2f} m; places above the floor and below {top - floor_m:.2f} m are expected"
+            f"point cloud: stations stand {low} to {high} m above the floor that was found at {floor_m:g} m; places above the "
+            f"floor and below {top - floor_m:g} m are expected"
         )
     extent = np.array([*(high - low), top - bottom])
     shape = np.ceil(extent / voxel - 1e-9).astype(int)

@@ -20,6 +20,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Mask
+from trackers.errors import text_near_bound
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import LaserSensor, Rig
@@ -205,22 +206,22 @@ class _Scanner:
         """Describe what is too coarse or tilted, with what would be valid."""
         tilt_deg = degrees(self._tilt_rad)
         if round(tilt_deg, 6) > MOST_TILT_DEG and self.scan is not None:
-            return [
-                f"scans no layer of people: it is tilted by {tilt_deg:.3g}°; {MOST_TILT_DEG:g}° or less is expected"
-            ]
+            tilt = text_near_bound(tilt_deg, MOST_TILT_DEG, ".3g")
+            return [f"scans no layer of people: it is tilted by {tilt}°; {MOST_TILT_DEG:g}° or less is expected"]
         if self.n_for_area and not self.spacing.n_place:
             return ["sees nothing of the tracked area; another pose, or another area, is expected"]
         found, body = [], self.body
         if self._height_m >= _TALLEST_M and self.height.is_short and not self.n_below:
-            return [
-                f"hangs {self._height_m:.3g} m high, over all heads; a height up to {_HEIGHTS_M[1]:g} m is expected"
-            ]
+            height = text_near_bound(self._height_m, _HEIGHTS_M[1], ".3g")
+            return [f"hangs {height} m high, over all heads; a height up to {_HEIGHTS_M[1]:g} m is expected"]
         if self.spacing.is_short:
             gap_m, far_m = body.widest_gap_m, float(np.median(self.spacing.far_m))
+            most_deg = _rounded_down(degrees(gap_m / max(far_m, gap_m)))
+            apart = text_near_bound(degrees(self._spacing_rad), most_deg, ".3g")
             found.append(
-                f"{self.spacing.shown()}: its beams are {degrees(self._spacing_rad):.3g}° apart, and beyond "
+                f"{self.spacing.shown()}: its beams are {apart}° apart, and beyond "
                 f"{gap_m / self._spacing_rad:.2g} m fewer than {body.least} meet a {body.word} of {body.width_m:g} m; "
-                f"{_rounded_down(degrees(gap_m / max(far_m, gap_m))):g}° or less is expected here"
+                f"{most_deg:g}° or less is expected here"
             )
         if self.height.is_short:
             low, high = self._heights_m
@@ -229,10 +230,11 @@ class _Scanner:
                 self._height_m - low if is_below else high - self._height_m,
                 float(np.median(self.height.far_m)),
             )
+            most_deg = _rounded_down(degrees(asin(min(1.0, spare_m / max(far_m, 1e-9)))))
             found.append(
-                f"{self.height.shown()}: it is tilted by {tilt_deg:.3g}°, and its beams "
+                f"{self.height.shown()}: it is tilted by {text_near_bound(tilt_deg, most_deg, '.3g')}°, and its beams "
                 f"{'meet the floor' if is_below else 'pass over heads'} from {spare_m / sin(self._tilt_rad):.2g} m on; "
-                f"{_rounded_down(degrees(asin(min(1.0, spare_m / max(far_m, 1e-9))))):g}° or less is expected here"
+                f"{most_deg:g}° or less is expected here"
             )
         return found
 

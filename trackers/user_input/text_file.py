@@ -13,7 +13,7 @@ import reprlib
 import stat
 from pathlib import Path
 
-from trackers.errors import InputError, LimitError
+from trackers.errors import InputError, LimitError, text_near_bound
 
 NO_LIMITS = "TWIN_NO_LIMITS"
 """Environment variable that lifts the limits, also for workers."""
@@ -45,7 +45,7 @@ def check_limit(asked: float, most: float, said: str, unit: str = "") -> None:
     """
     if asked > most:
         what = f" {unit}" if unit else ""
-        refuse_unless_lifted(f"{said} {asked:.6g}{what}", f"at most {most:.6g}")
+        refuse_unless_lifted(f"{said} {text_near_bound(asked, most, '.6g')}{what}", f"at most {most:.6g}")
 
 
 AnyPath = str | os.PathLike[str]

@@ -245,7 +245,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.scenario.run_size import check_size
     from twin.studies.preflight import prepare
     from twin.suites.expansion import expand
-    from twin.suites.preflight import check_trackers
+    from twin.suites.preflight import check_trackers, seeds_checked
     from twin.suites.run import idle_changes, idle_settings
     from twin.suites.spec import load_suite
     from twin.view.room_sheet import empty_world, extent_text, left_out
@@ -260,6 +260,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
                 print_warnings([*simulation.warnings, *unfit_scanners(simulation)])
                 check_trackers(scenario, simulation.rig, name)
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
+            about += f"; {checked}" if (checked := seeds_checked(name, scenario)) else ""
         case "room":
             scene = empty_world(name).scene
             print_warnings(left_out(name))

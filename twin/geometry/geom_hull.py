@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from trackers.arrays import Array, Mask
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 
 PLANE_M = 0.05
 """Thickness of a wall made of a plane, on its far side [m]."""
@@ -63,8 +63,9 @@ def check_extent(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> Non
     reach_m = np.abs(data.geom_xpos).max(axis=1) + size_m
     for geom in np.flatnonzero(~(reach_m <= FARTHEST_M))[:1].tolist():
         name = model.geom(geom).name or f"geom {geom}"
+        reach = text_near_bound(float(reach_m[geom]), FARTHEST_M, ".3g")
         raise InputError(
-            f"{source}: {name!r} reaches {reach_m[geom]:.3g} m from the room's origin; lengths in metres, at most "
+            f"{source}: {name!r} reaches {reach} m from the room's origin; lengths in metres, at most "
             f"{FARTHEST_M:g} m, are expected"
         )
 

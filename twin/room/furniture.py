@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from twin.geometry.geom_hull import hull_points
 from twin.geometry.polygon import ConvexHull
 from twin.room.obstacles import Solid, solids_of
@@ -147,8 +147,9 @@ def _check_height(model: mujoco.MjModel, data: mujoco.MjData, place: Array, kind
     """Raise InputError, naming `source`, for a place (3,) [m] that is not on top of something as high as a seat or bed."""
     (low_m, high_m), what = _HIGH_M[kind], kind.removesuffix("_")
     if not low_m <= place[2] <= high_m:
+        high = text_near_bound(float(place[2]), low_m if place[2] < low_m else high_m, ".3g")
         raise InputError(
-            f"{source} is {place[2]:.3g} m high; lengths in metres, and a {what} of {low_m:g} to {high_m:g} m, are expected"
+            f"{source} is {high} m high; lengths in metres, and a {what} of {low_m:g} to {high_m:g} m, are expected"
         )
     above = place + np.array([0.0, 0.0, _OFF_TOP_M])
     way_m = mujoco.mj_ray(model, data, above, np.array([0.0, 0.0, -1.0]), None, 1, -1, np.zeros(1, dtype=np.int32))

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from trackers.area import meets_itself_at
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from twin.geometry.geom_hull import ENDLESS_M, hull_points, stands_still, unlikely_meshes
 from twin.geometry.polygon import ConvexHull, QhullError, counter_clockwise, inset, polygon_area
 from twin.room.obstacles import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M, is_in_the_way
@@ -72,10 +72,11 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
     walls, standing = standing_footprints(model, data)
     plan = Plan.over(floor, standing, common_direction(walls or floor))
     if plan.cell_m > _COARSEST_M:
-        wide_m = float(np.ptp(np.concatenate(floor), axis=0).max())
+        most_m = _COARSEST_M * _MOST_CELLS
+        wide_m = text_near_bound(float(np.ptp(np.concatenate(floor), axis=0).max()), most_m, ".0f")
         raise InputError(
-            f"{source}: its floor is {wide_m:.0f} m wide, as of a room in mm or cm; lengths in metres, a floor of at most "
-            f"{_COARSEST_M * _MOST_CELLS:.0f} m, or a numeric walkable_area under <custom>, is expected"
+            f"{source}: its floor is {wide_m} m wide, as of a room in mm or cm; lengths in metres, a floor of at most "
+            f"{most_m:g} m, or a numeric walkable_area under <custom>, is expected"
             + "".join(f"; {each}" for each in unlikely_meshes(model))
         )
     wall = plan.drawn(walls)

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from trackers.area import Coordinate, Point3
 from trackers.configuration import Strict
+from trackers.errors import text_near_bound
 from trackers.rig import Name, Point2
 
 TOP_WALK_M_S = 2.5
@@ -101,8 +102,9 @@ class RecordedPath(TimedAction):
                 raise ValueError(f"point {number} at {t2:g} s does not come after {t:g} s; growing times are expected")
             speed = hypot(x2 - x, y2 - y) / (t2 - t)
             if speed > JUMP_M_S:
+                by = text_near_bound(speed, JUMP_M_S, ".1f")
                 raise ValueError(
-                    f"point {number} at {t2:g} s is a jump of {speed:.1f} m/s; at most {JUMP_M_S:g} m/s is expected"
+                    f"point {number} at {t2:g} s is a jump of {by} m/s; at most {JUMP_M_S:g} m/s is expected"
                 )
         if self.points[-1][0] <= 0:
             raise ValueError(

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from trackers.configuration import Strict
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from trackers.observations import NS_PER_S
 from trackers.rig import Point2
 from trackers.user_input.text_file import MOST_TEXT_BYTES
@@ -174,8 +174,9 @@ def _check_jumps(rows: list[Row], where: str) -> None:
     for (t, x, y), (t2, x2, y2) in pairwise(rows):
         speed = hypot(x2 - x, y2 - y) / (t2 - t)
         if speed > JUMP_M_S:
+            by = text_near_bound(speed, JUMP_M_S, ".1f")
             raise InputError(
-                f"{where}: jumps from [{x:g}, {y:g}] to [{x2:g}, {y2:g}] at {t2:g} s of the file, {speed:.1f} m/s; "
+                f"{where}: jumps from [{x:g}, {y:g}] to [{x2:g}, {y2:g}] at {t2:g} s of the file, {by} m/s; "
                 f"at most {JUMP_M_S:g} m/s is expected"
             )
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError, raise_faults
+from trackers.errors import InputError, raise_faults, text_near_bound
 from twin.room.building import Building
 from twin.room.floor_surface import floor_of
 from twin.room.mjcf import compiled
@@ -207,11 +207,13 @@ class CandidateSet:
         """Return the conflict between poses, whatever the required count; "" for none."""
         budget = self.study.constraints.budget
         if budget is not None and self.prices[chosen].sum() > budget + 1e-9:
-            return f"constraints.budget: costs {self.prices[chosen].sum():g}, at most {budget:g} is expected"
+            costs = text_near_bound(float(self.prices[chosen].sum()), budget, ".6g")
+            return f"constraints.budget: costs {costs}, at most {budget:g} is expected"
         for place, one in enumerate(chosen):
             for other in chosen[place + 1 :]:
                 if self.too_near(one, other):
-                    return f"constraints.apart_m: two are {self.apart_m(one, other):.2f} m apart"
+                    apart = text_near_bound(self.apart_m(one, other), self.study.constraints.apart_m)
+                    return f"constraints.apart_m: two are {apart} m apart"
         return ""
 
     def _check(self, source: str) -> None:
@@ -223,13 +225,15 @@ class CandidateSet:
             spread = np.concatenate([self.positions[each] for each in numbers])
             across_m = float(np.linalg.norm(np.ptp(spread, axis=0)))
             if least >= 2 and across_m < constraints.apart_m:
+                across = text_near_bound(across_m, constraints.apart_m)
                 raise InputError(
                     f"{source}: constraints.apart_m and devices.{name}.count: {least} devices {constraints.apart_m:g} m apart do "
-                    f"not fit in {across_m:.2f} m; a smaller distance or fewer devices are expected"
+                    f"not fit in {across} m; a smaller distance or fewer devices are expected"
                 )
         if constraints.budget is not None and cheapest > constraints.budget + 1e-9:
+            costs = text_near_bound(cheapest, constraints.budget, ".6g")
             raise InputError(
-                f"{source}: constraints.budget: {constraints.budget:g} is below the cheapest set, which costs {cheapest:g}; at "
+                f"{source}: constraints.budget: {constraints.budget:g} is below the cheapest set, which costs {costs}; at "
                 "least that is expected"
             )
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trackers.environment import Environment, load_environment
-from trackers.errors import PLUG_IN_ERRORS, InputError, valid_names
+from trackers.errors import PLUG_IN_ERRORS, InputError, raise_faults, valid_names
 from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.prior import Prior
@@ -32,12 +32,17 @@ from twin.run.inputs import (
     not_trusted,
     redefined,
 )
-from twin.scenario import Scenario
+from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import assumed_rig
+from twin.scenario.person import STEADY
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
 from twin.suites.variants import Variant, place_of
 from twin.world.empty_room import empty_room
+from twin.world.scene import scene_faults
+
+_N_SEED = 10
+"""Number of seeds that a scenario is checked with where they make a difference."""
 
 
 class TrackerCheck:
@@ -202,6 +207,24 @@ def check_trackers(scenario: Scenario, rig: Rig, source: str) -> None:
                 )
         except InputError as error:
             raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
+
+
+def seeds_checked(name: str, scenario: Scenario) -> str:
+    """Check that a scenario as loaded from a file can begin with further seeds too; return which, "" if none makes a difference.
+
+    Raises InputError with the seeds where it cannot.
+    """
+    seeds, seeded = range(scenario.seed, scenario.seed + _N_SEED), []
+    for seed in seeds:
+        try:
+            seeded.append(load_scenario(name, [f"seed={seed}"]))
+        except InputError as error:
+            raise InputError(f"{error} (with seed {seed})") from error
+    is_drawn = any(each.model_copy(update={"seed": scenario.seed}) != scenario for each in seeded)
+    if not is_drawn and scenario.randomize == STEADY:
+        return ""
+    raise_faults(scene_faults(lambda field: f"{name}: {field}" if field else name, seeded))
+    return f"checked with seeds {seeds[0]} to {seeds[-1]}, others may differ"
 
 
 def is_known_tracker(target: str) -> bool:

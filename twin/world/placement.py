@@ -10,7 +10,7 @@ import numpy as np
 
 from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, text_near_bound
 from twin.geometry.polygon import leaves_at, strictly_within
 from twin.people.crowd.crowd import planar
 from twin.people.crowd.ground import entry_place, nearest_free, standing_place
@@ -64,8 +64,9 @@ def check_placement(
         for other, there in placed.items():
             distance = float(np.linalg.norm(here - there))
             if distance < CLEARANCE_M:
+                apart = text_near_bound(distance, CLEARANCE_M)
                 raise InputError(
-                    f"{field} is {distance:.2f} m from {other!r}, who starts at {_point(there)}: their bodies overlap; "
+                    f"{field} is {apart} m from {other!r}, who starts at {_point(there)}: their bodies overlap; "
                     f"at least {CLEARANCE_M} m between people is expected"
                 )
         placed[name] = here
@@ -77,7 +78,8 @@ def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_F
     if not len(gaps) or gaps.min() >= clear_m - TOLERANCE_M:
         return
     furniture = routes.obstacles[int(gaps.argmin())].furniture
-    where = f"inside {furniture!r}" if gaps.min() <= 0 else f"only {gaps.min():.2f} m from {furniture!r}"
+    gap_m = text_near_bound(float(gaps.min()), clear_m)
+    where = f"inside {furniture!r}" if gaps.min() <= 0 else f"only {gap_m} m from {furniture!r}"
     free = nearest_free(place, routes.area, routes.obstacles, clear_m)
     instead = f", {_point(free)} for instance," if free is not None else ""
     clear = f"at least {clear_m:g} m from furniture" if clear_m > 0 else "outside of furniture"
@@ -163,8 +165,9 @@ def _at_door(asked: Array, place: Array, field: str) -> Array:
     """Return the place (2,) [m] for one asked for in a door; raise InputError where this is farther out than doors are."""
     beyond_m = hypot(*(place - asked))
     if beyond_m > DOOR_REACH_M:
+        beyond = text_near_bound(beyond_m, DOOR_REACH_M)
         raise InputError(
-            f"{field}: {_point(asked)} is outside the room's walkable area; {beyond_m:.2f} m beyond where people walk is more "
+            f"{field}: {_point(asked)} is outside the room's walkable area; {beyond} m beyond where people walk is more "
             f"than the {DOOR_REACH_M:g} m of a door; a place in the room or in a door, {_point(place)} for instance, is expected"
         )
     return place

@@ -17,6 +17,7 @@ from trackers.paper_rules import bibtex
 from trackers.presets import available
 from twin.__main__ import other_trackers
 from twin.cli import app
+from twin.commands.info import checked_file
 from twin.studies.spec import Study
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
@@ -376,3 +377,20 @@ def test_a_module_that_raises_when_imported_is_its_author_s_fault(
     Path(f"{name}.py").write_text(code)
     error = CliRunner().invoke(app, ["check", *option, f"{name}:Mine"]).exception
     assert isinstance(error, PlugInError) and f"{name}:Mine: the import raised " in str(error)
+
+
+def test_a_scenario_is_checked_with_further_seeds_where_they_make_a_difference(tmp_path: Path) -> None:
+    people = "people: {ann: {start: [-2.2, 1.6], script: {kind: stand}}}\n"
+    sensors = "sensors: {one: {kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.95]}}}\n"
+    plain = tmp_path / "plain.yaml"
+    plain.write_text("name: plain\nroom: meeting_room\nduration_s: 1\n" + people + sensors)
+    moved = tmp_path / "moved.yaml"
+    moved.write_text(plain.read_text() + "randomize: {start_m: 0.2}\n")
+    later = tmp_path / "later.yaml"
+    later.write_text(plain.read_text() + "randomize: {speed: 0.1}\n")
+    assert "seeds" not in checked_file("scenario", str(plain))
+    assert checked_file("scenario", str(later)).endswith("; checked with seeds 0 to 9, others may differ")
+    with pytest.raises(
+        InputError, match=r"moved.yaml: people.ann.start: with seed 4, and 1 more of 10 seeds, .* 'plant'"
+    ):
+        checked_file("scenario", str(moved))

@@ -45,6 +45,7 @@ def test_who_fits_is_let_be(routes):
     [
         ({"start": (0.1, 0.1), "script": {"kind": "stand"}}, r"people.anna.start: \[0.1, 0.1\] is inside 'table'"),
         ({"start": (-0.6, 0.0)}, r"people.anna.start: \[-0.6, 0\] is only 0.10 m from 'table'"),
+        ({"start": (-0.8492, 0.0)}, r"only 0.349 m from 'table'; a place at least 0.35 m from"),
         ({"script": {"kind": "walk", "waypoints": [(-1, 1), (0, 0.2)]}}, r"waypoints.1: \[0, 0.2\] is inside 'table'"),
         ({"script": {"kind": "walk", "waypoints": [(0, 0.2), (-1, 1)]}}, r"waypoints.0: \[0, 0.2\] is inside 'table'"),
         ({"script": {"kind": "walk", "waypoints": [(-1, 1), (2.4, 0)]}}, r"no way from \[-1, 1\] to \[2.4, 0\]"),

@@ -126,7 +126,7 @@ BOTH: dict[str, tuple[Change, Change, str]] = {
         f"{name} of far too wide a view": (
             (f"sensors.{name}.fx", 0.3),
             (f"sensors.{name}.intrinsics.fx", 0.3),
-            "from the camera's axis; at most 82.9° is valid, a fisheye sees farther",
+            "from the camera's axis; at most 82.875° is valid, a fisheye sees farther",
         )
         for name in ("cam", "deep")
     },
