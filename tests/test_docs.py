@@ -21,6 +21,7 @@ from documentation.figures import commits_since, read_figures, read_sources
 from documentation.tables import PLACEHOLDER, readme_with_tables, sources_in
 from typer.testing import CliRunner
 
+import twin
 from trackers.configuration import leaves_of, validate
 from trackers.observations import Observation
 from trackers.presets import PRESETS, options_of
@@ -260,6 +261,37 @@ def test_the_reference_holds_every_kind_of_observation_and_of_sensor() -> None:
     text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     for kind in (*get_args(Observation), *get_args(get_args(RigSensor)[0])):
         assert f"::: {kind.__module__}.{kind.__name__}\n" in text, kind.__name__
+
+
+def test_the_python_reference_holds_every_public_name_with_its_fields() -> None:
+    held = reference.entries((ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8"))
+    names = {name.rpartition(".")[2] for name in held}
+    assert set(twin.__all__) <= names
+    written = {page: page.read_text(encoding="utf-8") for page in [*PAGES, *EXAMPLES]}
+    for page, text in written.items():
+        found = re.findall(r"^from (?:twin|trackers)[\w.]* import (.+)$", text, re.MULTILINE)
+        found += re.findall(r"`(?:twin|trackers)\.[\w.]+\.([A-Z]\w+)`", text)
+        used = {name for line in found for name in re.split(r", *", line)}
+        assert used <= names, f"{named(page)}: {used - names}: of these python.md has no entry"
+    for name, kind in held.items():
+        silent = [field for field, _, meaning in reference.field_rows(kind) if not meaning]
+        assert not silent, f"{name}: {silent} say nothing of themselves"
+    fields = reference.fill("::: trackers.observations.LaserScan\n")
+    assert (
+        all(f"| `{name}` |" in fields for name in ("sensor", "stamp_ns", "ranges_m", "range_min_m"))
+        and "\\[ns]" in fields
+    )
+
+
+def test_a_page_that_is_filled_in_says_so_and_where_to_read_it_whole() -> None:
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        listed = re.search(r"\{\{ list \w+ \}\}", text)
+        if listed:
+            assert "`twin list" in text, f"{named(page)}: names no command that prints what is filled in"
+        elif reference.is_filled(text) or PLACEHOLDER.search(text):
+            html = named(page).removeprefix("docs/").replace(".md", ".html")
+            assert f"`out/docs/{html}`" in text, f"{named(page)}: says nowhere that scripts/docs fills it in"
 
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)

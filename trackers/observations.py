@@ -35,8 +35,8 @@ MOST_STAMPS_NS = -(2**60), 2**63 - 2**60
 
 @dataclass(frozen=True, eq=False)
 class _Stamped:
-    sensor: str
-    stamp_ns: int
+    sensor: str  # name in the rig
+    stamp_ns: int  # since the epoch of the recording's clock [ns]; `t` is the same in s
 
     def __post_init__(self) -> None:
         """Raise InputError for a stamp that is no number of nanoseconds."""
@@ -73,12 +73,12 @@ class LaserScan(_Stamped):
     with NaN alone, is no reading. Raises InputError for ranges that are no row, and for beams or limits that no scanner has.
     """
 
-    ranges_m: NDArray[np.float32]  # (n_beam,)
-    angle_min_rad: float
-    angle_increment_rad: float
-    range_min_m: float
-    range_max_m: float
-    sweep_time_s: float = 0.0
+    ranges_m: NDArray[np.float32]  # (n_beam,) distance of each beam's return [m]; inf: none within range, NaN: invalid
+    angle_min_rad: float  # bearing of the first beam [rad]
+    angle_increment_rad: float  # from beam to beam [rad], negative: clockwise
+    range_min_m: float  # least range that the scanner measures [m]
+    range_max_m: float  # greatest range that it measures [m]
+    sweep_time_s: float = 0.0  # from the first beam to the last [s]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -129,7 +129,7 @@ class LaserScan(_Stamped):
 class Image(_Stamped):
     """One colour image, RGB, as decoded from its message."""
 
-    rgb: NDArray[np.uint8]  # (height, width, 3)
+    rgb: NDArray[np.uint8]  # (height, width, 3) red, green, blue
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -149,8 +149,8 @@ class DepthImage(_Stamped):
     (nothing matched, nothing within range). `trackers.rig.StereoSensor.points` makes points of it.
     """
 
-    rgb: NDArray[np.uint8]  # (height, width, 3)
-    depth_m: NDArray[np.float32]  # (height, width)
+    rgb: NDArray[np.uint8]  # (height, width, 3) red, green, blue
+    depth_m: NDArray[np.float32]  # (height, width) along the optical axis [m], 0: none
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -170,7 +170,7 @@ class FloorFrame(_Stamped):
     What load goes with a value stands in the rig: `trackers.rig.FloorSensor.load_n`.
     """
 
-    values: NDArray[np.uint8]  # (rows, columns)
+    values: NDArray[np.uint8]  # (rows, columns) reading of each element
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -190,7 +190,7 @@ class Odometry(_Stamped):
     it lies in the room (`trackers.rig.OdometrySensor`). Raises InputError for a matrix that is no rigid transform.
     """
 
-    frame_from_base: NDArray[np.float64]  # (4, 4)
+    frame_from_base: NDArray[np.float64]  # (4, 4) homogeneous transform [m]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -25,9 +25,9 @@ class Prior(Sequence[Observation]):
     has learned beforehand, by name; untrusted, so read in a format that runs no code (no pickle).
     """
 
-    background: Sequence[Observation] = ()
-    environment: Environment | None = None
-    learned: Mapping[str, Path] = field(default_factory=dict)
+    background: Sequence[Observation] = ()  # of the empty room
+    environment: Environment | None = None  # walls, furniture and free space, in the room frame
+    learned: Mapping[str, Path] = field(default_factory=dict)  # files by name
 
     def __len__(self) -> int:
         return len(self.background)

@@ -56,19 +56,19 @@ class Track(NanEqual):
     probability of 95 % by the tracker's posterior [m].
     """
 
-    id: int
-    x: float
-    y: float
-    vx: float = nan
-    vy: float = nan
-    z: float = nan
-    head_x: float = nan
-    head_y: float = nan
-    head_z: float = nan
-    head_yaw: float = nan
-    status: Status = "confirmed"
-    situation: str = ""
-    radius95_m: float = nan
+    id: int  # from 1 up, of one person as long as the tracker keeps them
+    x: float  # ground point under the pelvis [m]
+    y: float  # the same [m]
+    vx: float = nan  # velocity [m/s]
+    vy: float = nan  # the same [m/s]
+    z: float = nan  # height of the pelvis [m]
+    head_x: float = nan  # centre of the head [m]
+    head_y: float = nan  # the same [m]
+    head_z: float = nan  # its height [m]
+    head_yaw: float = nan  # direction of the head, counter-clockwise from x [rad]
+    status: Status = "confirmed"  # or "coasting": predicted without a measurement
+    situation: str = ""  # relation to others, for the preview
+    radius95_m: float = nan  # radius about (x, y) that holds the person with 95 % [m]
 
     def __post_init__(self) -> None:
         """Make an integer of numpy a plain one, which has no bounds and can be written as JSON."""
@@ -80,8 +80,8 @@ class Track(NanEqual):
 class ScoreMap:
     """Map of the score of a person's position in a camera's picture, for the preview."""
 
-    id: int
-    sensor: str
+    id: int  # of the track
+    sensor: str  # the camera
     corner: tuple[int, int]  # column and row of the map's first pixel in the picture
     score: NDArray[np.floating]  # (height, width) ≥ 0
     patches: NDArray[np.floating]  # (k, 2) [px]: centres of the evaluated patches
@@ -94,9 +94,9 @@ class Hypotheses:
     window: evaluated part of a camera's picture about their middle: left, top, width, height [px], None outside it.
     """
 
-    id: int
+    id: int  # of the track
     places: NDArray[np.floating]  # (k, 3) [m]
-    window: Callable[[PlacedCamera], tuple[float, float, float, float] | None] | None = None
+    window: Callable[[PlacedCamera], tuple[float, float, float, float] | None] | None = None  # [px]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,25 +107,25 @@ class Detection:
     x, y: ground point [m]; variance_m2: of the position on each axis [m²]; width_m: measured width [m].
     """
 
-    stamp_ns: int
-    sensors: tuple[str, ...]
-    role: str
-    x: float
-    y: float
-    variance_m2: float = nan
-    width_m: float = nan
+    stamp_ns: int  # of the frame [ns]
+    sensors: tuple[str, ...]  # those that detected it
+    role: str  # "waist": a trunk, "knee": legs
+    x: float  # ground point [m]
+    y: float  # the same [m]
+    variance_m2: float = nan  # of the position on each axis [m²]
+    width_m: float = nan  # measured width [m]
 
 
 @dataclass(frozen=True, slots=True)
 class TrackFrame:
-    """All tracks at one stamp of the tracker's main sensor; an empty tuple: none.
+    """All tracks at one stamp at which the tracker reports; an empty tuple: none.
 
     maps: score maps and hypotheses, if provided.
     """
 
-    stamp_ns: int
-    tracks: tuple[Track, ...]
-    maps: tuple[ScoreMap | Hypotheses, ...] = field(default=(), compare=False)
+    stamp_ns: int  # [ns]
+    tracks: tuple[Track, ...]  # one per person
+    maps: tuple[ScoreMap | Hypotheses, ...] = field(default=(), compare=False)  # for the preview
 
     def __post_init__(self) -> None:
         """Make a stamp of numpy's integers a plain one, as `Track` does with its id, and any other iterable a tuple."""

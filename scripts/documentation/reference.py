@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import re
+import textwrap
 from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -183,10 +188,57 @@ def packages(name: str) -> str:
     return "\n".join(lines)
 
 
+_ENTRY = re.compile(r"^::: ((?:twin|trackers)\S*)\.(\w+)$", re.MULTILINE)
+
+
+def entries(text: str) -> dict[str, Any]:
+    """Return the objects that a page of the Python reference has entries of, by their names in it."""
+    return {f"{module}.{name}": getattr(import_module(module), name) for module, name in _ENTRY.findall(text)}
+
+
+def field_rows(kind: Any) -> list[tuple[str, str, str]]:
+    """Return name, type and meaning of each field of a class of data; none of any other object.
+
+    The meaning is the description of a model's field, and of a data class the text or the comment beside it.
+    """
+    described = {name: field.description or "" for name, field in getattr(kind, "model_fields", {}).items()}
+    names = list(described) or [field.name for field in (fields(kind) if is_dataclass(kind) else ())]
+    types, said = {}, {}
+    for base in reversed(getattr(kind, "__mro__", ())) if names else ():
+        if base.__module__.partition(".")[0] in ("twin", "trackers"):
+            text = inspect.getsource(base)
+            body = ast.parse(textwrap.dedent(text)).body[0]
+            assert isinstance(body, ast.ClassDef)
+            for each, after in pairwise([*body.body, ast.Pass()]):
+                if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name):
+                    types[each.target.id] = ast.unparse(each.annotation)
+                    line = text.splitlines()[(each.end_lineno or 0) - 1]
+                    is_said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+                    said[each.target.id] = ast.unparse(after.value)[1:-1] if is_said else line.partition("  # ")[2]
+    return [(name, types[name], described.get(name) or said[name]) for name in names]
+
+
+def _entry_with_fields(found: re.Match[str]) -> str:
+    rows = field_rows(getattr(import_module(found[1]), found[2]))
+    if not rows:
+        return found[0]
+    head = [found[0], "", f"Fields of `{found[2]}`:", "", "| field | type | meaning |", "|---|---|---|"]
+    return "\n".join([*head, *(f"| `{name}` | `{_code(kind)}` | {_text(said)} |" for name, kind, said in rows)])
+
+
+def _code(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
 _TABLES = {"list": listed, "packages": packages, "metrics": lambda _: metrics_table()}
 _LISTED = re.compile(r"\{\{ (" + "|".join(_TABLES) + r")\b ?(\w*) \}\}")
 
 
+def is_filled(text: str) -> bool:
+    """Return whether a page has parts that `fill` replaces, or extends."""
+    return bool(_ENTRY.search(text) or _LISTED.search(text))
+
+
 def fill(text: str) -> str:
-    """Replace `{{ list KIND }}`, `{{ packages NAME }}` and `{{ metrics }}` of a page."""
-    return _LISTED.sub(lambda found: _TABLES[found[1]](found[2]), text)
+    """Replace `{{ list KIND }}`, `{{ packages NAME }}` and `{{ metrics }}` of a page; list the fields of the classes in it."""
+    return _ENTRY.sub(_entry_with_fields, _LISTED.sub(lambda found: _TABLES[found[1]](found[2]), text))

@@ -30,11 +30,11 @@ class Roster(Rows, Generic[State]):
     """
 
     id: Int[Index, "n"]  # 0 while tentative
-    state: State
+    state: State  # of the filter
     born_ns: Int[Index, "n"]  # stamp of the first measurement
     measured_ns: Int[Index, "n"]  # stamp of the last one
-    n_measured: Int[Index, "n"]
-    confirmed: Bool[Mask, "n"]
+    n_measured: Int[Index, "n"]  # measurements so far
+    confirmed: Bool[Mask, "n"]  # false: tentative
 
     @classmethod
     def started(cls, state: State, ns: int) -> Self:

@@ -47,14 +47,14 @@ class SyncPolicy:
     Raises ValueError without triggers, for a sensor named twice, and for an unnamed main or awaited one.
     """
 
-    triggers: tuple[str, ...]
-    attached: tuple[str, ...] = ()
-    latest: tuple[str, ...] = ()
-    main: str | None = None
-    awaited: tuple[str, ...] | None = None
-    period_s: float = 0.1
-    joined: tuple[str, ...] | None = None
-    max_wait_s: float = 0.15
+    triggers: tuple[str, ...]  # start a frame
+    attached: tuple[str, ...] = ()  # join the nearest one
+    latest: tuple[str, ...] = ()  # used with their newest value
+    main: str | None = None  # whose stamp a frame takes
+    awaited: tuple[str, ...] | None = None  # waited for
+    period_s: float = 0.1  # of frames [s]
+    joined: tuple[str, ...] | None = None  # may differ from their frame by half a period
+    max_wait_s: float = 0.15  # for a sensor that is awaited [s]
 
     def __post_init__(self) -> None:
         named = (*self.triggers, *self.attached, *self.latest)
@@ -76,10 +76,10 @@ class SyncedFrame:
     own stamps. repeated: sensors whose reports were stale or blank.
     """
 
-    ns: int
-    observations: dict[str, Observation] = field(default_factory=dict)
-    latest: dict[str, Observation] = field(default_factory=dict)
-    repeated: frozenset[str] = frozenset()
+    ns: int  # its stamp [ns]
+    observations: dict[str, Observation] = field(default_factory=dict)  # by sensor
+    latest: dict[str, Observation] = field(default_factory=dict)  # newest values by sensor
+    repeated: frozenset[str] = frozenset()  # sensors that were stale or blank
 
     @property
     def t(self) -> float:

@@ -25,8 +25,8 @@ class Reading:
     room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. A floor's truth: see `twin.sensors.floor.Floor`.
     """
 
-    observation: Observation
-    truth: dict[str, NDArray] = field(default_factory=dict)
+    observation: Observation  # what a tracker is given
+    truth: dict[str, NDArray] = field(default_factory=dict)  # arrays by name
 
 
 @runtime_checkable

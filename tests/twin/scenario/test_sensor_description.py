@@ -127,7 +127,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
         (FISHEYE + "lens: {width: 9, height: 9, fx: 4, field_of_view_deg: 300}", "less than or equal to 240"),
         (
             FISHEYE + "lens: {width: 9, height: 9, fx: 4, k: [-0.3, 0, 0, 0], field_of_view_deg: 180}",
-            r"folds back 60\.\d° from the axis; a field of view below 120\.\d° is valid",
+            r"folds back 60\.\d° from the axis; a field of view below 120\.\d+° is valid",
         ),
         (FISHEYE + "lens: {width: 9, height: 9, fx: 0, field_of_view_deg: 90}", "lens.fx: .*greater than 0"),
         (FISHEYE + "size: [0, 600]", "size.0: .*greater than 0"),
