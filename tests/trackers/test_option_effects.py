@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import zip_longest
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, get_args, get_origin
 from zlib import crc32
@@ -362,7 +364,7 @@ EXEMPT = {
         ),
     },
     "laser-vision-learning-vision": {
-        "camera": "refused unless it names a camera of the rig, which has one",
+        "camera": "test_vision_only.py: refused unless it names a camera of the rig",
     },
     "camera-floor-particle": {
         "track_management.reid_distance": "test_camera_floor_particle.py: a person who comes back",
@@ -472,6 +474,14 @@ def test_only_options_that_show_nowhere_are_exempt(system: str) -> None:
             if path in exempt:
                 (shown if trial.verdict(path, info, value) == "effect" else idle).add(path)
     assert shown <= idle
+
+
+def test_an_exemption_names_a_test_that_sets_the_option_or_a_preset_that_is_without_it() -> None:
+    tests = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.rglob("test_*.py")}
+    for preset, options in EXEMPT.items():
+        for path, reason in options.items():
+            named = re.search(r"test_\w+\.py", reason)
+            assert (path.rpartition(".")[2] in tests[named[0]]) if named else "is without" in reason, (preset, path)
 
 
 TRIED_ELSEWHERE = {"laser-legs": "tests/trackers/laser_legs/test_laser_legs.py: on a scanner that drives"}
