@@ -20,7 +20,8 @@ which cumulative sums of the samples in order of a feature give for every thresh
 weights: it is computed once per frame for all trees and people.
 
 Thresholds lie midway between samples. Samples of weight 0 are ignored. Values less than 10⁻⁷ apart are equal. These are the
-rules of scikit-learn's `DecisionTreeClassifier(max_depth=2)`, which gives the same labels. A question without gain has the
+rules of scikit-learn's `DecisionTreeClassifier(max_depth=2)`, which gives the same labels, but fits one tree at a time, and so
+is not used. A question without gain has the
 threshold ∞.
 """
 

@@ -15,6 +15,7 @@ they are too many. A test's p is the share of sign vectors in which the largest 
 larger, is at least its own; and no less than that of a larger one (step-down max-T: Westfall and Young, Resampling-Based
 Multiple Testing, 1993, algorithm 2.8). This bounds the probability of any false alarm under any dependence between trackers,
 metrics and tests. A large loss elsewhere hides none. The statistics need one scale, or the noisiest dominates.
+`scipy.stats.permutation_test` is not used: its p is each statistic's own, not that of the largest of all.
 """
 
 from __future__ import annotations

@@ -17,6 +17,8 @@ Three layers, for all people at once:
 Driven people keep a given path, tick by tick, feel nothing, and are avoided by the others. Absent people exert and feel
 nothing.
 
+No library of crowds is used: truth and recordings follow from these steps to the bit.
+
 Positions and velocities on the floor are complex numbers x + iy: a turn is a product, a length an absolute value.
 """
 
