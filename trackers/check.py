@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import itertools
+import reprlib
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from math import isinf, isnan
 from pathlib import Path
@@ -25,8 +26,10 @@ Corruption = Callable[[Recording], Recording]
 Kind = TypeVar("Kind", bound=Observation)
 
 _SEED = 0
-_PLAIN = "plain run"
-"""Run whose faults are not repeated for the runs with a fault of a sensor."""
+_PLAIN, _SECOND = "plain run", "second run"
+"""Runs without a fault of a sensor; faults of the first are not repeated for the others."""
+_FIRST = "; the first: "
+"""Beginning of the first case of a violation."""
 
 
 def check_tracker(
@@ -53,7 +56,8 @@ def check_tracker(
         except PLUG_IN_ERRORS as error:  # whatever a plug-in raises is what its author wants to read
             violations.append(f"{what}: {raised(error)}")
             return []
-        violations.extend(f"{what}: {fault}" for fault in faults if f"{_PLAIN}: {fault}" not in violations)
+        known = {_kind(each) for each in violations if each.startswith(f"{_PLAIN}: ")}
+        violations.extend(f"{what}: {fault}" for fault in faults if _kind(f"{_PLAIN}: {fault}") not in known)
         return frames
 
     try:
@@ -76,13 +80,28 @@ def check_tracker(
         violations.append(f"{_PLAIN}: an observation's array was written to")
     if not violations and not any(frame.tracks for frame in first):
         violations.append(f"{_PLAIN}: nobody was ever tracked; a recording with people is needed to check the rest")
-    if repr(frames_of("second run", given)) != repr(first):
-        violations.append("second run: other tracks from the same observations and the same generator")
+    if repr(frames_of(_SECOND, given)) != repr(first):
+        violations.append(f"{_SECOND}: other tracks from the same observations and the same generator")
+    for what, corrupted in _corrupted(given):
+        frames_of(what, corrupted)
+    return violations
+
+
+def runs_of(observations: Sequence[Observation]) -> list[str]:
+    """List the runs that `check_tracker` makes of a recording: plain, again, and with each fault that its sensors can have."""
+    return [_PLAIN, _SECOND, *(what for what, _ in _corrupted(list(observations)))]
+
+
+def _corrupted(given: Recording) -> Iterator[tuple[str, Recording]]:
     for what, corrupt in CORRUPTIONS.items():
         corrupted = corrupt(given)
         if not given or corrupted is not given:
-            frames_of(what, corrupted)
-    return violations
+            yield what, corrupted
+
+
+def _kind(violation: str) -> str:
+    """Return a violation without its first case."""
+    return violation.partition(_FIRST)[0]
 
 
 def raised(error: BaseException) -> str:
@@ -101,10 +120,10 @@ def _faults(frames: Sequence[TrackFrame]) -> list[str]:
         return [f"update or finish gave {', '.join(sorted(wrong))}; a list of TrackFrame is expected"]
     faults = []
     stamps = [frame.stamp_ns for frame in frames]
-    if any(later <= earlier for earlier, later in itertools.pairwise(stamps)):
-        faults.append("stamps do not rise from frame to frame")
-    if any(not isinstance(stamp, int) for stamp in stamps):
-        faults.append("a stamp is not an int")
+    for stamp in [each for each in stamps if not isinstance(each, int)][:1]:
+        return [f"a stamp is not an int{_FIRST}{reprlib.repr(stamp)} ({type(stamp).__name__})"]
+    for earlier, later in [(one, two) for one, two in itertools.pairwise(stamps) if two <= one][:1]:
+        faults.append(f"stamps do not rise from frame to frame{_FIRST}{later} ns after {earlier} ns")
     tracks = [track for frame in frames for track in frame.tracks]
     if wrong := {type(track).__name__ for track in tracks if not isinstance(track, Track)}:
         return [*faults, f"a track is of type {', '.join(sorted(wrong))}; trackers.tracks.Track is expected"]
@@ -114,19 +133,39 @@ def _faults(frames: Sequence[TrackFrame]) -> list[str]:
             faults.append(f"{name} of a track is of type {', '.join(sorted(no_numbers))}; a number is expected")
     if faults:
         return faults
-    if any(type(track.id) is not int or not 1 <= track.id < _IDS_END for track in tracks):
-        faults.append("an id is not an int from 1 up to 2**63 - 1")
-    if any(len({track.id for track in frame.tracks}) < len(frame.tracks) for frame in frames):
-        faults.append("an id stands twice in a frame")
-    if any(isnan(track.x) or isnan(track.y) for track in tracks):
-        faults.append("x or y is NaN")
-    if any(isinf(value) for track in tracks for value in _numbers(track)):
-        faults.append("a track holds an infinite number")
-    if any(track.radius95_m <= 0 for track in tracks):
-        faults.append("a radius95_m is not above 0")
-    if any(track.status not in get_args(Status) for track in tracks):
-        faults.append(f"a status is none of {', '.join(get_args(Status))}")
+    for frame in [each for each in frames if len({track.id for track in each.tracks}) < len(each.tracks)][:1]:
+        faults.append(f"an id stands twice in a frame{_FIRST}{[each.id for each in frame.tracks]} at {_seconds(frame)}")
+    return faults + _faults_of_tracks(frames)
+
+
+def _faults_of_tracks(frames: Sequence[TrackFrame]) -> list[str]:
+    """Return a sentence per rule that a track breaks, with the first one that does."""
+    rules: dict[str, Callable[[Track], dict[str, Any]]] = {
+        "an id is not an int from 1 up to 2**63 - 1": lambda track: (
+            {} if type(track.id) is int and 1 <= track.id < _IDS_END else {"id": track.id}
+        ),
+        "x or y is NaN": lambda track: {name: getattr(track, name) for name in "xy" if isnan(getattr(track, name))},
+        "a track holds an infinite number": lambda track: {
+            name: getattr(track, name) for name in _NUMBERS if isinf(getattr(track, name))
+        },
+        "a radius95_m is not above 0": lambda track: {"radius95_m": track.radius95_m} if track.radius95_m <= 0 else {},
+        f"a status is none of {', '.join(get_args(Status))}": lambda track: (
+            {} if track.status in get_args(Status) else {"status": track.status}
+        ),
+    }
+    faults = []
+    for rule, wrong in rules.items():
+        cases = ((frame, track, held) for frame in frames for track in frame.tracks if (held := wrong(track)))
+        for frame, track, held in itertools.islice(cases, 1):
+            name, value = next(iter(held.items()))
+            of = "" if name == "id" else f" of track {track.id}"
+            shown = f"{name}{of} is {reprlib.repr(value)} ({type(value).__name__})"
+            faults.append(f"{rule}{_FIRST}{shown} at {_seconds(frame)}")
     return faults
+
+
+def _seconds(frame: TrackFrame) -> str:
+    return f"{frame.stamp_ns / NS_PER_S:.3f} s"
 
 
 def _seen(tracker: Tracker) -> list[Any]:
@@ -140,19 +179,18 @@ def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[str]:
     if wrong:
         return [f"detections() gave {', '.join(sorted(wrong))}; a list of Detection is expected"]
     faults = []
-    if any(not each.sensors or not set(each.sensors) <= rig.sensors.keys() for each in seen):
-        faults.append("a detection is of no sensor of the rig")
-    if any(isnan(each.x) or isnan(each.y) for each in seen):
-        faults.append("a detection's x or y is NaN")
+    for each in [each for each in seen if not each.sensors or not set(each.sensors) <= rig.sensors.keys()][:1]:
+        known = ", ".join(rig.sensors)
+        faults.append(
+            f"a detection is of no sensor of the rig ({known}){_FIRST}sensors is {reprlib.repr(each.sensors)}"
+        )
+    for each in [each for each in seen if isnan(each.x) or isnan(each.y)][:1]:
+        faults.append(f"a detection's x or y is NaN{_FIRST}x {each.x}, y {each.y}")
     return faults
 
 
 _IDS_END = 2**63
 _NUMBERS = [item.name for item in fields(Track) if item.name not in ("id", "status", "situation")]
-
-
-def _numbers(track: Track) -> list[float]:
-    return [getattr(track, name) for name in _NUMBERS]
 
 
 def _arrays(observation: Observation) -> list[np.ndarray]:

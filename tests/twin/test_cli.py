@@ -61,6 +61,7 @@ def test_help_of_every_command_has_an_example() -> None:
         assert command in overview.stdout
         text = twin(command, "--help").stdout
         assert "Example: twin" in text
+        assert not text.rstrip().endswith(f"; twin {command}")  # reads as cut off
 
 
 def test_list_names_what_there_is() -> None:

@@ -145,9 +145,9 @@ def check(
             typer.echo(line)
         return
     name = tracker or sensor or ""
-    faults = check_own_tracker(name) if tracker is not None else check_own_sensor(name)
+    faults, tried = check_own_tracker(name) if tracker is not None else (check_own_sensor(name), "")
     _print_faults(name, faults)
-    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}")
+    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}{tried}")
 
 
 def _print_faults(name: str, faults: list[str]) -> None:
@@ -282,18 +282,17 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     return f"a valid {kind}; {about}"
 
 
-def check_own_tracker(name: str) -> list[str]:
-    """List contract violations of a tracker on four seconds of five people in the lab, with its sensors and with every
-    fault.
-    """
-    from trackers.check import check_tracker
+def check_own_tracker(name: str) -> tuple[list[str], str]:
+    """List contract violations of a tracker on five people in the lab, and describe the runs that were tried."""
+    from trackers.check import check_tracker, runs_of
     from trackers.presets import make_tracker
     from twin.scenario import load_scenario
     from twin.world.simulation import Simulation
 
     with Simulation(load_scenario("lab-five-people", [f"duration_s={_CHECKED_S}"])) as simulation:
         rig, background, observations = simulation.rig, simulation.background(), list(simulation)
-    return check_tracker(lambda *made: make_tracker(name, *made), rig, observations, background)
+    tried = f", tried on {_CHECKED_S:g} s of five people ({', '.join(rig.sensors)}): {', '.join(runs_of(observations))}"
+    return check_tracker(lambda *made: make_tracker(name, *made), rig, observations, background), tried
 
 
 def check_own_sensor(name: str) -> list[str]:

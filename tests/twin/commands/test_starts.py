@@ -54,7 +54,10 @@ def test_new_room_and_scenario_run(here: Path) -> None:
 
 def test_new_tracker_keeps_the_contract(here: Path) -> None:
     _twin("new", "tracker", "--out", "my_first.py")
-    assert "keeps the contract" in _twin("check", "--tracker", "my_first:Mine")
+    said = _twin("check", "--tracker", "my_first:Mine")
+    assert (
+        "keeps the contract" in said and ": plain run, second run, no observations, scans that meet nothing, " in said
+    )
 
 
 def test_check_says_what_a_tracker_breaks(here: Path) -> None:
