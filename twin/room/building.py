@@ -183,7 +183,7 @@ def check_mounts(scenario: Scenario, names: Iterable[str], empty: Snapshot, floo
     empty: the room without people; floor: the room's, a simple polygon (k, 2) [m], which a pressure floor may not leave.
     """
     for name in names:
-        field, description = f"scenario {scenario.name!r}: sensors.{name}", scenario.sensors[name]
+        field, description = f"{scenario.source}: sensors.{name}", scenario.sensors[name]
         if isinstance(description, FloorDescription):
             check_floor(description, floor, field)
         elif base_of(scenario, name) is None:

@@ -88,7 +88,7 @@ def run_scenario(
     check_choices(truth, video=video, images=images)
     names = listed(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = as_path(out, "out") if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
-    source = source or f"scenario {scenario.name}"
+    source = source or scenario.source
     chosen = choose(names, scenario.trackers, source, trusted)
     if chosen:
         scenario.prior.check(source)

@@ -85,7 +85,8 @@ def load_scenario(
 
         content = draw_scene(content, source, models.kept_room)
     _bring_pedestrians(content, source)
-    return validate(Scenario, content, source)
+    scenario = validate(Scenario, content, source)
+    return scenario if path.parent == models.MODELS / "scenarios" else scenario.of_file(source)
 
 
 def override_texts(given: object, what: str) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ def check_size(scenario: Scenario, *, images: bool = True, source: str | None = 
     `source`: start of the sentence; None: the scenario's name.
     """
     size = size_of(scenario, images=images)
-    refuse = _refuser(source or f"scenario {scenario.name!r}")
+    refuse = _refuser(source or scenario.source)
     if size.people > MOST_PEOPLE:
         refuse("people", f"{size.people} are there", f"at most {MOST_PEOPLE}")
     for name, sensor in scenario.sensors.items():

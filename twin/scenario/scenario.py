@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import PurePath
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, JsonValue, model_serializer, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, JsonValue, PrivateAttr, model_serializer, model_validator
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
@@ -184,6 +184,24 @@ class Scenario(Strict):
     warnings: tuple[str, ...] = Field(
         default=(), description="what to tell with every run of the scenario", exclude_if=lambda messages: not messages
     )
+
+    _file: str = PrivateAttr(default="")
+    """The user's file that it was read from, with overrides; "" for a shipped one, and one made otherwise."""
+
+    @property
+    def source(self) -> str:
+        """The start of sentences on it: its file, or its name."""
+        return self._file or f"scenario {self.name!r}"
+
+    def of_file(self, source: str) -> Scenario:
+        """Return a copy whose errors name this file."""
+        copy = self.model_copy()
+        copy._file = source
+        return copy
+
+    def __eq__(self, other: object) -> bool:
+        """Return True for the same content, whatever the file."""
+        return type(self) is type(other) and vars(self) == vars(other)
 
     @property
     def room_name(self) -> str:

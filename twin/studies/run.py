@@ -230,9 +230,7 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
 def _check_sensors(scenario: Scenario, names: Sequence[str], asked: Coverage) -> None:
     """Raise InputError without sensors that look, and where a field given is of sensors that are not there."""
     if not names:
-        raise InputError(
-            f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
-        )
+        raise InputError(f"{scenario.source}: sensors: none is a scanner or a camera; one that looks is expected")
     kinds = {is_scanner(scenario, name) for name in names}
     for field, scanners, what in (("beams", True, "scanner"), ("px_per_m", False, "camera")):
         if field in asked.model_fields_set and scanners not in kinds:

@@ -195,7 +195,7 @@ def write_people(scenario: Scenario, path: Path, on_progress: OnProgress = no_pr
     """
     check_picture_name(path)
     if not scenario.people:
-        raise InputError(f"scenario {scenario.name!r}: people: is empty; at least one person is expected")
+        raise InputError(f"{scenario.source}: people: is empty; at least one person is expected")
     scenario = randomized(scenario)
     scene = build_scene(scenario)
     listed = list(scenario.people)

@@ -119,7 +119,7 @@ _kept: dict[Path, _KeptFiles] = {}
 
 def empty_room(scenario: Scenario) -> EmptyRoom:
     """Return the room of a scenario, the same one while its files are unchanged: a worker's runs often share one."""
-    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    path = models.find("rooms", scenario.room, asked_by=f"{scenario.source}: room")
     kept = _kept.pop(path, None)
     if kept is None or not kept.is_current():
         kept = _KeptFiles(room_files(path), _limits(), EmptyRoom(path))

@@ -42,7 +42,7 @@ def check_placement(
     area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture;
     fitting: people who fit between these, not checked again; extended.
     """
-    source = f"scenario {scenario.name!r}"
+    source = scenario.source
     for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
         _check_edge(walkable, corner, after, f"{source}: area")
     for name, person in scenario.people.items():

@@ -133,7 +133,7 @@ def scene_faults(
         try:
             check_scene(randomized(scenario), moved)
         except InputError as error:
-            field, colon, rest = str(error).removeprefix(f"scenario {scenario.name!r}: ").partition(": ")
+            field, colon, rest = str(error).removeprefix(f"{scenario.source}: ").partition(": ")
             is_field = colon and " " not in field and field.split(".")[0] in Scenario.model_fields
             fault = (field, rest) if is_field else ("", str(error))
             found.setdefault(fault[0], []).append((scenario.seed, fault[1]))
@@ -148,7 +148,7 @@ def _checked(scenario: Scenario, room: EmptyRoom) -> tuple[Ground, dict[str, Bod
     """Return the ground and the people's looks, by sorted name; raise InputError for what does not fit into the room."""
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else room.walkable
     _check_furniture(scenario, room.furniture)
-    source = f"scenario {scenario.name!r}"
+    source = scenario.source
     routes = _routes(room, source)
     check_placement(scenario, area, room.walkable, routes, room.fitting_people())
     ground = Ground(area, room.walkable, room.obstacles, routes, room.furniture, source)
@@ -176,7 +176,7 @@ def _check_starts(scenario: Scenario, ground: Ground, appearances: Mapping[str, 
 def _add_bases(spec: mujoco.MjSpec, scenario: Scenario, routes: Routes) -> None:
     """Add the bodies of housings that drive to a room; raises InputError for one that starts in furniture or a person."""
     for name, housing in driven(scenario).items():
-        field = f"scenario {scenario.name!r}: housings.{name}.mount.xyz"
+        field = f"{scenario.source}: housings.{name}.mount.xyz"
         start = np.array(housing.mount.xyz[:2])
         reach_m = housing.body.reach_m if housing.body is not None else 0.0
         check_free(start, routes, field, reach_m)
@@ -212,7 +212,7 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     _check_seats(scenario, scene.ground, scene.names, lambda number: (measures, number))
-    source = f"scenario {scenario.name!r}"
+    source = scenario.source
     housings = driven(scenario)
     bases = None
     if housings:
@@ -240,13 +240,13 @@ def _check_seats(
         for place, action in enumerate(scenario.people[name].script):
             if isinstance(action, Sit) and action.seated and (other := seated.setdefault(action.seat, name)) != name:
                 raise InputError(
-                    f"scenario {scenario.name!r}: people.{name}.script.{place}.seat: {other!r} sits on {action.seat!r} from the "
+                    f"{scenario.source}: people.{name}.script.{place}.seat: {other!r} sits on {action.seat!r} from the "
                     "start too; a seat for each is expected"
                 )
             if not isinstance(action, Sit | Lie) or (isinstance(action, Sit) and action.seated):
                 continue
             asked, kind = (action.seat, "seat") if isinstance(action, Sit) else (action.bed, "bed")
-            field = f"scenario {scenario.name!r}: people.{name}.script.{place}.{kind}"
+            field = f"{scenario.source}: people.{name}.script.{place}.{kind}"
             _check_seat(ground.furniture[asked], *measured(number), ground.routes, field)
 
 
@@ -301,6 +301,6 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                 there = sorted(each for each, thing in furniture.items() if isinstance(thing, kind))
                 none = f"none, as the room names none: a site called {field}_NAME is needed"
                 raise InputError(
-                    f"scenario {scenario.name!r}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
+                    f"{scenario.source}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
                     f"{asked!r}; {valid_names(asked, there, none=none)}"
                 )

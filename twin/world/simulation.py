@@ -108,7 +108,7 @@ class Simulation:
         )
         if not self._descriptions:
             raise InputError(
-                f"scenario {scenario.name!r}: sensors: without images none of {', '.join(scenario.sensors)} is left; "
+                f"{scenario.source}: sensors: without images none of {', '.join(scenario.sensors)} is left; "
                 "a laser or a floor, or a run with images, is expected"
             )
         shapes = partial(foot_shapes, self.world.scene)

@@ -208,7 +208,7 @@ class World:
         self._pose_time = None
 
     def _lit(self) -> Lighting:
-        return Lighting(self.scene.model, self._scenario.lights, f"scenario {self._scenario.name!r}")
+        return Lighting(self.scene.model, self._scenario.lights, self._scenario.source)
 
     def _update_poses(self) -> None:
         mujoco.mj_kinematics(self.scene.model, self.data)

@@ -13,7 +13,7 @@ from trackers.area import Area
 from trackers.errors import InputError
 from twin.scenario import Scenario, load_scenario
 from twin.world.placement import CLEARANCE_M
-from twin.world.scene import build_scene, populate
+from twin.world.scene import build_scene, check_scene, populate
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
@@ -307,3 +307,23 @@ def test_people_have_faces_where_they_are_drawn() -> None:
     one = lab("people.ann={script: {kind: stand}}", "sensors.fisheye=null", "background=none")
     with Simulation(one) as unseen, Simulation(one, images=False, drawn=True) as drawn:
         assert unseen.world.scene.model.ntex < drawn.world.scene.model.ntex
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ("people: {ann: {start: [0, 1], script: [{kind: sit, seat: none}]}}", "people.ann.script.0.seat: "),
+        ("people: {ann: {start: [30, 1]}}", "people.ann.start: "),
+        ("sensors: {waist: {mount: {xyz: [30, 1, 1]}}}", "sensors.waist.mount.xyz: "),
+        ("area: [[0, 0], [30, 0], [30, 1]]", "area: "),
+    ],
+)
+def test_an_error_of_a_user_s_scenario_names_its_file(changes: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: lab-five-people\nname: mine\n{changes}\n", "utf-8")
+    scenario = load_scenario(path)
+    assert scenario == scenario.of_file("other.yaml")
+    for seeded in (scenario, scenario.model_copy(update={"seed": 4})):
+        with pytest.raises(InputError) as raised:
+            check_scene(seeded)
+        assert all(line.startswith(f"{path}: {said}") for line in str(raised.value).splitlines())
