@@ -15,6 +15,7 @@ os.environ["MUJOCO_GL"] = "egl"
 # Before anything imports numpy, and as the command does: matrices are small, and a thread of BLAS that waits for the next
 # one spins, for a quarter of the time of the trackers' tests.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("COLUMNS", None)  # tables are as wide as in a file, unless a test says how wide
 
 OURS = ("twin", "trackers")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,9 +34,10 @@ class PlainConsole(Console):
     """Console that prints texts literally: no markup, no control characters."""
 
     def __init__(self, *, stderr: bool = False) -> None:
-        """Make a console as wide as the terminal, or 140 characters."""
+        """Make a console as wide as the terminal; without one as the variable COLUMNS says, or 140 characters."""
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
-        if not self.is_terminal:
+        self.is_bounded = self.is_terminal or os.environ.get("COLUMNS", "").isdigit()
+        if not self.is_bounded:
             self.width = _WIDTH_OF_FILE
 
     def render_str(self, text: str, **options: Any) -> Text:
@@ -76,6 +78,15 @@ def progress(first: str = "") -> Iterator[OnProgress]:
         yield report
 
 
+def without_empty(
+    heads: Sequence[str], rows: Sequence[Sequence[str] | None], names: int
+) -> tuple[list[str], list[list[str] | None]]:
+    """Leave out the columns of metrics, after those of names, that have no value in any row."""
+    held = [row for row in rows if row is not None]
+    kept = [place for place in range(len(heads)) if place < names or any(row[place] not in ("–", "") for row in held)]
+    return [heads[place] for place in kept], [None if row is None else [row[place] for place in kept] for row in rows]
+
+
 def print_table(heads: Sequence[str], rows: Sequence[Sequence[str] | None], *, names: int = 1, title: str = "") -> None:
     """Print a table of values on stdout, `names` columns of names first; None among the rows draws a line.
 
@@ -89,7 +100,7 @@ def print_table(heads: Sequence[str], rows: Sequence[Sequence[str] | None], *, n
         for place, (head, *cells) in enumerate(columns)
     ]
     spare_of = [max(map(len, cells)) - width for cells, width in zip(columns, least, strict=True)]
-    for part in _parts(least, names, console.width) if console.is_terminal else [list(range(len(heads)))]:
+    for part in _parts(least, names, console.width) if console.is_bounded else [list(range(len(heads)))]:
         spare = max(console.width - _total_width(least, part), 0)
         table = Table(title=title, title_justify="left")
         widths = list(least)

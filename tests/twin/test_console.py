@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.console import PlainConsole, print_metrics, print_paths, print_table, print_warning
+from twin.console import PlainConsole, print_metrics, print_paths, print_table, print_warning, without_empty
 from twin.messages import TrackerLog, at_work
 
 
@@ -38,6 +38,26 @@ def test_tables_cut_nothing_on_terminals_of_any_width(
     assert [each for each in values if each not in text] == [] and "…" not in text
     assert text.count("sort") == {24: 3, 60: 2, 100: 1, 200: 1}[width]
     assert max(map(len, text.splitlines())) <= max(width, 54)
+
+
+@pytest.mark.parametrize("width", [60, 100])
+def test_a_file_is_as_wide_as_columns_says(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heads, rows = ["tracker", *(f"metric number {n}" for n in range(12))], [["sort", *["0.123"] * 12]]
+    monkeypatch.setenv("COLUMNS", str(width))
+    print_table(heads, rows)
+    narrow = capsys.readouterr().out
+    assert max(map(len, narrow.splitlines())) <= width and narrow.count("0.123") == 12
+    monkeypatch.delenv("COLUMNS")
+    print_table(heads, rows)
+    assert capsys.readouterr().out.count("sort") == 1
+
+
+def test_columns_without_a_value_are_left_out_and_names_never() -> None:
+    rows = [["a", "–", "0.1", "–"], None, ["b", "–", "–", "–"]]
+    assert without_empty(["name", "x", "y", "z"], rows, 1) == (["name", "y"], [["a", "0.1"], None, ["b", "–"]])
+    assert without_empty(["name", "also", "y", "z"], rows, 2)[0] == ["name", "also", "y"]
 
 
 def test_a_table_without_rows_has_its_headings(capsys: pytest.CaptureFixture[str]) -> None:

@@ -97,24 +97,27 @@ def _resume_hint() -> Iterator[None]:
 
 
 class _Clock:
-    """Estimate of the remaining time, from the cases that ended since the first call."""
+    """Estimate of the remaining time, from the cases that ended after the first one, which starts its worker and imports."""
 
     def __init__(self) -> None:
-        self._start_s: float | None = None
-        self._ended_before = 0
+        self._ended_at_start: int | None = None
+        self._first_s: float | None = None  # when the first case ended
+        self._ended_first = 0
 
     def left(self, now: State) -> str:
         ended = now.done + now.failed
-        if self._start_s is None:
-            self._start_s, self._ended_before = time.monotonic(), ended
+        if self._ended_at_start is None:
+            self._ended_at_start = ended  # an earlier run's
+        elif self._first_s is None and ended > self._ended_at_start:
+            self._first_s, self._ended_first = time.monotonic(), ended
         rest = now.waiting + now.running
         if rest == 0:
             return "all ended"
         if now.workers == 0:
             return "no worker yet"
-        if ended == self._ended_before:
+        if self._first_s is None or ended - self._ended_first < now.workers:  # as many end together
             return "time left not known yet"
-        left_s = (time.monotonic() - self._start_s) / (ended - self._ended_before) * rest
+        left_s = (time.monotonic() - self._first_s) / (ended - self._ended_first) * rest
         return f"about {left_s:.0f} s left" if left_s < 100 else f"about {left_s / 60:.0f} min left"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from twin.console import PlainConsole, print_table
+from twin.console import PlainConsole, print_table, without_empty
 from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import EVERY_TRACKER, Change, Comparison, SuiteOutcome
@@ -101,9 +101,11 @@ def _print_differences(results: Results, reference: str) -> None:
         f"behind by > {BEHIND_HOTA:g} HOTA",
     ]
     if len(strata) > 1:
-        print_table(heads, rows, names=2)
+        print_table(*without_empty(heads, rows, names=2), names=2)
     else:
-        print_table(heads[1:], [row[1:] for row in rows if row is not None and row[0] == "all"])
+        print_table(
+            *without_empty(heads[1:], [row[1:] for row in rows if row is not None and row[0] == "all"], names=1)
+        )
 
 
 _WITH_INTERVAL = ("mota", "hota")
@@ -140,7 +142,7 @@ def _print_pooled(results: Results) -> None:
         people = sum(case.get("judged.person_frames") or 0.0 for case in cases[tracker])
         cells = ["–" if share is None else f"{share:.2%}".replace("-", "−") for share in found.values()]
         rows.append([tracker, f"{people:.0f}", *cells])
-    print_table(["tracker", "person-frames", *next(iter(shares.values()), {})], rows)
+    print_table(*without_empty(["tracker", "person-frames", *next(iter(shares.values()), {})], rows, names=1))
 
 
 def print_comparison(

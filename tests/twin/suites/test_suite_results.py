@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from trackers.errors import InputError
+from twin.suites.dask_runner import suite_progress
 from twin.suites.filmstrip import colour_of, marker
 from twin.suites.results import (
     Group,
@@ -18,6 +20,7 @@ from twin.suites.results import (
     worst_cases,
 )
 from twin.suites.spec import Suite, load_suite
+from twin.suites.tasks import State
 
 
 def results(**by_tracker: list[float | None]) -> Results:
@@ -125,3 +128,23 @@ def test_trackers_are_told_apart_when_the_colours_come_round_again() -> None:
     marks = [marker(place, 11, 7, "0.990") for place in range(24)]
     assert len(set(marks)) == 24 and colour_of(0) == colour_of(8)
     assert all("<title>0.990</title>" in each for each in marks)
+
+
+def test_the_time_left_is_not_that_of_the_imports_before_the_first_case(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two workers import for 20 s and then do a case in 2 s: of 36 cases, 35 s of work are left when one is done."""
+    now = 1000.0
+    monkeypatch.setattr("twin.suites.dask_runner.time.monotonic", lambda: now)
+    estimates: dict[int, float] = {}
+    with suite_progress() as progress:
+        progress.state(State(waiting=34, running=2, done=0, failed=0, workers=2))
+        now += 20.0
+        for done in range(1, 36):
+            now += 1.0
+            monkeypatch.setattr("twin.suites.dask_runner._LINE_EVERY_S", -1.0)
+            progress.state(State(waiting=max(34 - done, 0), running=min(36 - done, 2), done=done, failed=0, workers=2))
+            if found := re.search(r"about (\d+) s left", capsys.readouterr().err):
+                estimates[done] = float(found[1])
+    assert set(estimates) == set(range(3, 36))
+    assert all(estimate == pytest.approx(36 - done, rel=0.2, abs=1) for done, estimate in estimates.items())
