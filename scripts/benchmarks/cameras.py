@@ -23,12 +23,11 @@ from twin.scenario.camera_descriptions import PinholeDescription
 from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.camera import CAMERA_NOISE
 from twin.sensors.fisheye import Fisheye
-from twin.sensors.layers import Noisy
 from twin.sensors.pinhole import Pinhole
 from twin.sensors.rays import trace_rays
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 from twin.sensors.render_scene import point_cameras
-from twin.sensors.sensor import Sensor
+from twin.sensors.sensor import Noisy, Sensor
 from twin.world.simulation import Simulation
 from twin.world.world import World
 

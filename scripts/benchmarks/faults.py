@@ -13,8 +13,8 @@ from twin.scenario import load_scenario
 from twin.scenario.sensor_descriptions import build_sensor
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, LensOcclusion
 from twin.sensors.laser_noise import LASER_NOISE
-from twin.sensors.layers import with_faults
 from twin.sensors.render import RendererOnDemand
+from twin.sensors.sensor import with_faults
 from twin.world.world import World
 
 _AT_S = 3.0

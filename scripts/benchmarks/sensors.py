@@ -16,8 +16,8 @@ from twin.scenario import load_scenario
 from twin.scenario.sensor_descriptions import build_sensor
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.laser import Laser
-from twin.sensors.layers import Noisy
 from twin.sensors.render import RendererOnDemand
+from twin.sensors.sensor import Noisy
 from twin.world.world import World
 
 _AT_S = 3.0

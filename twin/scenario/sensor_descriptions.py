@@ -262,7 +262,7 @@ def build_sensor(
     Raises InputError for a lens that cannot be rendered.
     """
     from twin.sensors.floor_electronics import BuiltElectronics
-    from twin.sensors.layers import Noisy
+    from twin.sensors.sensor import Noisy
 
     ideal = _build_ideal(name, description, renderer, shapes, mounted_on)
     if isinstance(description, StereoDescription):

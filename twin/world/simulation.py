@@ -35,11 +35,10 @@ from twin.scenario.scenario import describe_circles, describe_late_starts
 from twin.scenario.sensor_descriptions import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
-from twin.sensors.layers import TimedSensor, with_faults
 from twin.sensors.odometry import BaseOdometry
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.schedule import MessageFaults, Schedule, Scheduled, Timing
-from twin.sensors.sensor import Reading, Sensor
+from twin.sensors.sensor import Reading, Sensor, TimedSensor, with_faults
 from twin.streams import stream
 from twin.truth.truth_types import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view

@@ -14,10 +14,9 @@ from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.fault_effects import DeadBeamMask, DeadCellMask, LensCover
 from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, LensOcclusion
-from twin.sensors.layers import Faulty, Noisy, with_faults
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.schedule import MessageFaults
-from twin.sensors.sensor import Sensor
+from twin.sensors.sensor import Faulty, Noisy, Sensor, with_faults
 
 LASER = {"kind": "laser", "mount": {"xyz": [0, 0, 0.95], "yaw_deg": 90}, "rate_hz": 10}
 CAMERA_MOUNT = {"mount": {"xyz": [0, 0, 1.3], "yaw_deg": 90}, "rate_hz": 10}
