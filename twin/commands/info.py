@@ -266,7 +266,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             print_warnings(left_out(name))
             replace(scene.ground, source=name).free_places(_PLACES, np.random.default_rng(0))
             seats = ", ".join(scene.ground.furniture) or "none"
-            about = f"{extent_text(scene.walkable)}; seats and beds: {seats}"
+            about = f"{extent_text(scene.walkable, [each.corners for each in scene.ground.obstacles])}; seats and beds: {seats}"
         case "suite":
             suite, path = load_suite(name)
             cases = expand(suite, path, trusted=trusted, limits=True, scenes=True)

@@ -26,7 +26,7 @@ from twin.recording.ros.ros_messages import time_message
 from twin.recording.tables import TrackTable
 from twin.recording.track_topics import copy_with_tracks, markers_topic, track_topics
 from twin.recording.writer import write_outline
-from twin.run.replay import outline_of
+from twin.run.replay import plan_of
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 _POINTS = "points"
@@ -42,7 +42,7 @@ def export_foxglove(recordings: Sequence[Recorded], out: Path) -> None:
         def add(bag: McapFile, recorded: Recorded = recorded) -> None:
             _add_points(bag, recorded.recording)
             if topics.ROOM_MARKERS not in recorded.recording.topics:
-                write_outline(bag, outline_of(recorded.scenario))
+                write_outline(bag, plan_of(recorded.scenario)[0])
 
         target, own = out / f"{recorded.name}.mcap", recorded.own_truth
         copy_with_tracks(recorded.recording, target, names, frames, recorded.on_warning, add=add, truth=own)

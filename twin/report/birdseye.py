@@ -34,13 +34,14 @@ _FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
 class Site:
     """Surroundings of a run: rig of the trackers, walls and furniture (k, 2) [m], and people's names by id, as far as known.
 
-    true_rig: true poses of the sensors, where `rig`, the assumed one, differs.
+    glass: panes among walls and furniture; true_rig: true poses of the sensors, where `rig`, the assumed one, differs.
     """
 
     rig: Rig
     outline: Sequence[Polygon] = ()
     person_names: Mapping[int, str] = field(default_factory=dict)
     true_rig: Rig | None = None
+    glass: Sequence[Polygon] = ()
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,7 @@ class FloorColours:
     structure_edge: RGB
     area: RGB
     sensor: RGB
+    glass: RGB
 
 
 def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -201,9 +203,14 @@ def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
 
 
 def paint_room(
-    canvas: NDArray[np.uint8], view: FloorView, rig: Rig, outline: Sequence[Polygon], colours: FloorColours
+    canvas: NDArray[np.uint8],
+    view: FloorView,
+    rig: Rig,
+    outline: Sequence[Polygon],
+    colours: FloorColours,
+    glass: Sequence[Polygon] = (),
 ) -> None:
-    """Draw floor, metre grid, the room's outlines, the tracked area (dashed) and the sensors on an RGB canvas."""
+    """Draw floor, metre grid, outlines and panes of the room, the tracked area (dashed) and the sensors on an RGB canvas."""
     canvas[:] = colours.floor
     x_lines, y_lines = view.metre_lines()
     for x in view.pixels(np.stack([x_lines, np.zeros_like(x_lines)], axis=-1))[:, 0]:
@@ -215,6 +222,10 @@ def paint_room(
         if not _is_shell(polygon, rig):
             cv2.fillPoly(canvas, [corners], colours.structure, cv2.LINE_AA, SHIFT)
         cv2.polylines(canvas, [corners], True, colours.structure_edge, 1, cv2.LINE_AA, SHIFT)
+    for pane in glass:
+        corners = fixed_point(view.pixels(pane))
+        cv2.fillPoly(canvas, [corners], colours.glass, cv2.LINE_AA, SHIFT)
+        cv2.polylines(canvas, [corners], True, colours.glass, 1, cv2.LINE_AA, SHIFT)
     if rig.area is not None:
         for start, end in dashes(view.pixels(np.array(rig.area)), 7.0, 5.0):
             cv2.line(
@@ -248,10 +259,7 @@ def dashes(
 
 
 def _is_shell(polygon: Polygon, rig: Rig) -> bool:
-    """Return whether a polygon of the outline is the room around the tracked area (or sensors), not furniture.
-
-    Filled, it would hide all else.
-    """
+    """Return whether a polygon, filled, would hide all else: the room around the tracked area (or sensors)."""
     corners = np.asarray(polygon, dtype=np.float32)
     sensors = [rig.pose_at(name).translation[:2] for name in rig.sensors]
     inner = np.array(rig.area if rig.area is not None else sensors, dtype=float).reshape(-1, 2)
@@ -262,8 +270,14 @@ def _is_shell(polygon: Polygon, rig: Rig) -> bool:
 # ------------------------------------------------------------------------------------------------- SVG
 
 
-def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Collection[str] = ()) -> str:
-    """Draw the same room as SVG elements (classes `floor grid axis structure shell area sensor silent`, coloured by the
+def room_svg(
+    view: FloorView,
+    rig: Rig,
+    outline: Sequence[Polygon],
+    silent: Collection[str] = (),
+    glass: Sequence[Polygon] = (),
+) -> str:
+    """Draw the same room as SVG elements (classes `floor grid axis structure shell glass area sensor silent`, coloured by the
     page).
 
     `silent`: sensors without reports.
@@ -277,6 +291,7 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
     for polygon in outline:
         kind = "shell" if _is_shell(polygon, rig) else "structure"
         parts.append(f'<path class="{kind}" d="{svg_path(view.pixels(polygon), closed=True)}"/>')
+    parts.extend(f'<path class="glass" d="{svg_path(view.pixels(pane), closed=True)}"/>' for pane in glass)
     if rig.area is not None:
         area = svg_path(view.pixels(np.array(rig.area)), closed=True)
         parts.append(f'<path class="area" d="{area}"><title>Tracked area</title></path>')

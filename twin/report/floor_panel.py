@@ -32,10 +32,10 @@ INK: RGB = (232, 236, 242)
 QUIET: RGB = (140, 148, 160)
 DARK_INK: RGB = (10, 12, 16)
 _HIDDEN_FLOOR = FloorColours(
-    (24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240)
+    (24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240), (42, 110, 136)
 )
 _VISIBLE_FLOOR = FloorColours(
-    (38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240)
+    (38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240), (59, 159, 196)
 )
 SILENT_FILL: RGB = (96, 34, 34)
 """Background of a silent sensor's label."""
@@ -85,7 +85,7 @@ class FloorPanel:
         rig = site.rig
         self.width_px, self.height_px = width_px, height_px
         self.layers = layer_colours(rig.lasers())
-        self._rig, self._outline, self._names = rig, site.outline, site.person_names
+        self._rig, self._outline, self._glass, self._names = rig, site.outline, site.glass, site.person_names
         self._true = site.true_rig or rig
         poses = assumed_poses(rig, site.true_rig)
         self._assumed_poses = [each for each in poses if about is None or each.name in about]
@@ -103,8 +103,8 @@ class FloorPanel:
         extent = floor_extent(self._true, self._outline, *reach)
         view = FloorView.fit(extent, self.width_px, self.height_px)
         self._hidden_floor, self._visible_floor = self._hidden_floor.copy(), self._visible_floor.copy()
-        paint_room(self._hidden_floor, view, self._true, self._outline, _HIDDEN_FLOOR)
-        paint_room(self._visible_floor, view, self._true, self._outline, _VISIBLE_FLOOR)
+        paint_room(self._hidden_floor, view, self._true, self._outline, _HIDDEN_FLOOR, self._glass)
+        paint_room(self._visible_floor, view, self._true, self._outline, _VISIBLE_FLOOR, self._glass)
         for floor in self._true.floors().values():
             draw_grid(self._hidden_floor, view, floor, _HIDDEN_FLOOR.grid)
             draw_grid(self._visible_floor, view, floor, _VISIBLE_FLOOR.grid)

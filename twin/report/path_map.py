@@ -91,7 +91,7 @@ def path_map(
         hits.append(cells[counts > _STANDING * counts.max(initial=0)])
     extent = floor_extent(rig, site.outline, *hits, np.column_stack([tracks.x, tracks.y]))
     view = FloorView.fit(np.concatenate([extent, *(each.xy for each in drives)]), _WIDTH_PX)
-    parts = [room_svg(view, rig, site.outline, silent), assumed_poses_svg(view, site.rig, site.true_rig)]
+    parts = [room_svg(view, rig, site.outline, silent, site.glass), assumed_poses_svg(view, site.rig, site.true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
     labels = SvgLabels()

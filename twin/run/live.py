@@ -257,6 +257,7 @@ class _LiveRun:
             empty_room(self.scenario).outline,
             {number: name for name, number in scene.ids.items()},
             true_rig=self._simulation.true_rig,
+            glass=empty_room(self.scenario).glass,
         )
 
     def _opened_feed(self, stack: ExitStack, prior: Prior) -> Feed:

@@ -166,9 +166,9 @@ class _Replay:
         names = dict(enumerate(scenario.people, start=1)) if scenario else {}
         if self.own_truth is not None and self.own_truth.labels:
             names = dict(self.own_truth.labels)
-        outline = outline_of(scenario) if self.report or self.video else []
+        outline, glass = plan_of(scenario) if self.report or self.video else ([], [])
         self._scans = None if outline or not self.report else ScanDensity(bag.rig)
-        self._site = Site(bag.rig, outline, names)
+        self._site = Site(bag.rig, outline, names, glass=glass)
         self._frames: list[tuple[str, TrackFrame]] = []
 
     def opened_feed(self, folder: Path) -> AbstractContextManager[Feed]:
@@ -300,14 +300,18 @@ def _default_folder(recording: Path, bag: Recording) -> Path:
     return Path("out") / name
 
 
-def outline_of(scenario: Scenario | None) -> list[Polygon]:
-    """Return the plan of the room of a twin's bag, convex outlines (k, 2) [m]; empty if the room is not on this machine."""
+def plan_of(scenario: Scenario | None) -> tuple[list[Polygon], list[Polygon]]:
+    """Return the plan of the room of a twin's bag: convex outlines (k, 2) [m], and those of glass among them.
+
+    Both empty if the room is not on this machine.
+    """
     if scenario is None:
-        return []
+        return [], []
     try:
-        return empty_room(scenario).outline
+        room = empty_room(scenario)
     except InputError:
-        return []
+        return [], []
+    return room.outline, room.glass
 
 
 def _rate_hz(bag: Recording) -> float:

@@ -69,8 +69,9 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
     ):
         folder = Path(temporary)
         bag = Recording(entry / RECORDING)
-        outline = room_outline(world.scene.model, world.empty_snapshot(0.0).data)
-        site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)))
+        model, data = world.scene.model, world.empty_snapshot(0.0).data
+        outline, glass = (room_outline(model, data, glass_only=only) for only in (False, True))
+        site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)), glass=glass)
         size, camera_width_px = fitting_size(site, _HIGH_PX)
         writer = _FilmstripWriter(
             folder / "strip.mp4",

@@ -137,6 +137,7 @@ class Sheet:
         self._names = {number: name for name, number in self._world.scene.ids.items()}
         self._poses: TruePoses | None = true_poses(self._world.truth(round(t * NS_PER_S), {}))
         self._outline = room_outline(self._snapshot.model, self._snapshot.data)
+        self._glass = room_outline(self._snapshot.model, self._snapshot.data, glass_only=True)
 
     def room(self) -> NDArray[np.uint8]:
         """Draw the room from a free place high up that shows most of the people."""
@@ -172,7 +173,7 @@ class Sheet:
         """
         rig = self._simulation.rig
         panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
-        site = Site(rig, self._outline, self._names, self._simulation.true_rig)
+        site = Site(rig, self._outline, self._names, self._simulation.true_rig, self._glass)
         bases = {
             name: Odometry(name, 0, np.linalg.inv(rig.sensors[name].room_from_sensor.matrix) @ pose)
             for name, pose in self._snapshot.bases.items()

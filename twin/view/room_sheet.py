@@ -4,6 +4,7 @@ area.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import Area
 from twin import models
 from twin.geometry.geom_hull import hull_points
 from twin.report.palette import LAYER_COLOURS, hex_colour
 from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
-from twin.room.building import room_outline
-from twin.room.furniture import Bed, furniture_of
+from twin.room.building import Building, room_outline
+from twin.room.doorways import doorways
+from twin.room.floor_surface import floor_of
+from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.mjcf import DARK_LIGHT, ENOUGH_LIGHT, light_of
+from twin.room.obstacles import Footprints
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.view.free_camera import CameraSpace, overview
@@ -31,7 +36,13 @@ _LOW_M, _TALL_M, _WIDE_M = 0.1, 1.8, 1.2
 _LETTER = (0.009, 0.04)
 """Width and height that a letter of a name takes, as shares of the room."""
 _FINER = 2
+_CELL_M, _MOST_CELLS = 0.02, 400
+"""Edge of the cells by which an area without furniture is measured [m], and most of them on a side."""
 _BACKDROP = (24, 24, 27)
+_BESIDE_M, _FACES = 0.42, 0.5
+"""Distance of a name from its seat or bed [m], and sine of the yaw from which that faces up or down on the plan."""
+_DOOR = "#9a5b13"
+_LABEL: dict[str, Any] = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
 
 
 def write_room(name: str, path: Path) -> list[str]:
@@ -64,11 +75,21 @@ def _scenario_of(name: str) -> Scenario:
     return Scenario.model_construct(None, **fields)  # a scenario without sensors is invalid
 
 
-def extent_text(area: NDArray[np.float64]) -> str:
-    """Format what a walkable polygon (k, 2) [m] covers: its area, its corners, and the box around it."""
-    wide_m, deep_m = np.ptp(area, axis=0)
+def extent_text(area: NDArray[np.float64], obstacles: Iterable[NDArray[np.float64]] = ()) -> str:
+    """Format what a walkable polygon (k, 2) [m] covers: its area, without `obstacles` (k, 2) [m], corners, and box."""
+    (wide_m, deep_m), low = np.ptp(area, axis=0), area.min(axis=0)
     area_m2 = cv2.contourArea(np.asarray(area, dtype=np.float32))
-    return f"{area_m2:.3g} m² to walk ({len(area)} corners, {wide_m:.3g} m x {deep_m:.3g} m over all)"
+    cell_m = max(_CELL_M, float(max(wide_m, deep_m)) / _MOST_CELLS)
+    middles = [np.arange(cell_m / 2, each, cell_m) for each in (wide_m, deep_m)]
+    places = low + np.stack(np.meshgrid(*middles), axis=-1).reshape(-1, 2)
+    places = free = places[Area(area).contains(places)]
+    for corners in obstacles:
+        free = free[~Area(corners).contains(free)]
+    free_m2 = area_m2 * len(free) / max(len(places), 1)
+    box = f"{len(area)} corners, {wide_m:.3g} m x {deep_m:.3g} m over all"
+    if f"{free_m2:.3g}" == f"{area_m2:.3g}":
+        return f"{area_m2:.3g} m² to walk ({box})"
+    return f"{free_m2:.3g} m² to walk, without the furniture in {area_m2:.3g} m² ({box})"
 
 
 def _hints(model: mujoco.MjModel, file: Path) -> list[str]:
@@ -98,7 +119,8 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
 
     scene, snapshot = world.scene, world.empty_snapshot(0.0)
     model, data = scene.model, snapshot.data
-    figure = Figure(figsize=(_TILE_PX[0] / 100, _TILE_PX[1] / 100), dpi=100, layout="constrained")
+    figure = Figure(figsize=(_TILE_PX[0] / 100, _TILE_PX[1] / 100), dpi=100)
+    figure.set_layout_engine("constrained", rect=(0, 0.04, 1, 0.95))  # a title may be higher than is reserved
     canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
     for outline in room_outline(model, data):
         axes.fill(*outline.T, facecolor="#c9cdd4", edgecolor="#7d8594", linewidth=0.7)
@@ -113,16 +135,46 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
         ahead = 0.35 * np.array([np.cos(each.yaw), np.sin(each.yaw)])
         axes.annotate("", (x + ahead[0], y + ahead[1]), (x, y), arrowprops={"arrowstyle": "-|>", "color": colour})
         kind = "bed" if isinstance(each, Bed) else "seat"
-        axes.annotate(f"{kind} {each.name}", (x, y), (0, -11), textcoords="offset points", ha="center", fontsize=8)
-    seats = [(each.place[:2], len(f"seat {each.name}")) for each in used]
+        x, y = _beside(each).tolist()
+        axes.text(x, y, f"{kind} {each.name}", fontsize=8, ha="center", va="center", bbox=_LABEL, zorder=5)
+    seats = [(_beside(each), len(f"seat {each.name}")) for each in used]
     _name_things(axes, model, data, seats, {each.furniture for each in used})
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    axes.set_title(f"{name}: {extent_text(scene.walkable)}", fontsize=11)
+    furniture = [each.corners for each in scene.ground.obstacles]
+    axes.set_title(f"{name}: {extent_text(scene.walkable, furniture)}", fontsize=9, wrap=True)
+    _mark_doors(axes, world)
     axes.grid(alpha=0.35, linewidth=0.6)
     figure.legend(loc="outside lower right", fontsize=8, frameon=False)
     canvas.draw()
     rgba = np.asarray(canvas.buffer_rgba())
     return cv2.cvtColor(cv2.resize(rgba, _TILE_PX), cv2.COLOR_RGBA2RGB).astype(np.uint8)
+
+
+def _beside(furniture: Seat | Bed) -> NDArray[np.float64]:
+    """Return the place (2,) [m] of the name of a seat or bed: below it on the plan, or above where it faces down."""
+    aside_m = _BESIDE_M if np.sin(furniture.yaw) < -_FACES else -_BESIDE_M
+    return np.array(furniture.place[:2]) + np.array([0.0, aside_m])
+
+
+def _mark_doors(axes: Any, world: World) -> None:
+    """Draw a line across each doorway, with the height of its lintel."""
+    model, data, walkable = world.scene.model, world.empty_snapshot(0.0).data, world.scene.walkable
+    building = Building.of(
+        model,
+        data,
+        floor_of(model, data, world.scene.room_file.name),
+        walkable,
+        Footprints(world.scene.ground.obstacles),
+    )
+    for door in doorways(building):
+        axes.plot(*door.ends.T, color=_DOOR, linewidth=3, solid_capstyle="butt", zorder=4)
+        height = "" if np.isinf(door.top_m) else f" {door.top_m:.2f} m"
+        x, y = middle = door.ends.mean(axis=0)
+        along = (door.ends[1] - door.ends[0]) / np.hypot(*(door.ends[1] - door.ends[0]))
+        inwards = np.array([-along[1], along[0]])
+        inwards *= np.sign(inwards @ (walkable.mean(axis=0) - middle)) or 1.0
+        style = {"fontsize": 7, "color": _DOOR, "ha": "center", "va": "center", "bbox": _LABEL, "zorder": 5}
+        axes.annotate(f"door{height}", (x, y), tuple(inwards * (28, 9)), textcoords="offset points", **style)
 
 
 def _name_things(

@@ -172,9 +172,9 @@ class _Film:
         self._plan: FloorPanel | None = None
         self._plan_left = follow is None and self._is_fuller_on_the_right(whereabouts)
         if reports.rig is not None:
-            outline = room_outline(snapshot.model, snapshot.data)
+            outline, glass = (room_outline(snapshot.model, snapshot.data, glass_only=only) for only in (False, True))
             names = {number: name for name, number in scene.ids.items()}
-            self._plan = FloorPanel(Site(reports.rig, outline, names, reports.true_rig), *_PLAN_PX)
+            self._plan = FloorPanel(Site(reports.rig, outline, names, reports.true_rig, glass), *_PLAN_PX)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
         """Draw the image at time t [s]; times must rise."""

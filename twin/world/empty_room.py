@@ -74,6 +74,11 @@ class EmptyRoom:
         """Convex outlines (k, 2) [m] of what stands in the room, for plans."""
         return room_outline(self.model, self.data)
 
+    @cached_property
+    def glass(self) -> list[Array]:
+        """Those of the outlines that rays pass."""
+        return room_outline(self.model, self.data, glass_only=True)
+
     def left_out(self) -> list[str]:
         """Return a sentence for each part that a computed walkable area leaves out, or that walls divide from the own one."""
         pieces = floor_of(self.model, self.data, str(self.path))

@@ -99,6 +99,9 @@ def test_check_of_a_room_tells_its_area_and_corners(here: Path) -> None:
     )
     Path("l.xml").write_text(f"<mujoco>{area}{floor}</mujoco>")
     assert "l.xml: a valid room; 5 m² to walk (6 corners, 3 m x 3 m over all); " in _twin("check", "l.xml")
+    table = '<geom name="table" type="box" pos="2.5 1 .4" size=".5 .5 .4"/>'  # half of it within
+    Path("l.xml").write_text(f"<mujoco>{area}{floor.replace('</worldbody>', f'{table}</worldbody>')}</mujoco>")
+    assert "l.xml: a valid room; 4.5 m² to walk, without the furniture in 5 m² (6 corners" in _twin("check", "l.xml")
 
 
 @pytest.mark.parametrize("kind", ["room", "scenario", "suite", "study"])

@@ -65,7 +65,9 @@ def test_room_svg_names_things_safely() -> None:
     rig = Rig.model_construct(sensors={"<b>": LaserSensor(topic="/scan")}, area=((0, 0), (1, 0), (1, 1)))
     text = room_svg(FloorView.fit(floor_extent(rig, []), 400), rig, room())
     assert "&lt;b&gt;" in text
-    assert text.count('class="structure"') == 7
+    assert text.count('class="structure"') == 7 and 'class="glass"' not in text
+    text = room_svg(FloorView.fit(floor_extent(rig, []), 400), rig, room(), glass=room()[:2])
+    assert text.count('class="glass"') == 2
 
 
 def test_sensors_on_the_plan_have_their_names() -> None:
