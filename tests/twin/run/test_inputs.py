@@ -59,7 +59,7 @@ def test_a_scenario_that_names_a_class_does_not_have_it_run(evil: Path, tmp_path
         if not path.exists():
             path.write_text("extends: own.yaml\nname: heir\n")
         for names in (None, ["mine"]):
-            said = "scenario (own|heir): trackers.mine.preset: 'evil:X' is a class, and a file names no code"
+            said = r"(own|heir)\.yaml: trackers.mine.preset: 'evil:X' is a class, and a file names no code"
             with pytest.raises(InputError, match=said):
                 run(path, tmp_path / "out", trackers=names)
     assert not evil.exists() and not (tmp_path / "out").exists()
@@ -167,7 +167,7 @@ def test_no_file_has_a_dask_scheduler_asked(tmp_path: Path) -> None:
     """Whoever is one runs code."""
     words = "'tcp://evil:1' is a Dask scheduler, .* and a file names none"
     mine = '{mine: {preset: rgbd-head, scheduler: "tcp://evil:1"}}'
-    with pytest.raises(InputError, match=f"scenario own: trackers.mine.scheduler: {words}"):
+    with pytest.raises(InputError, match=rf"own\.yaml: trackers.mine.scheduler: {words}"):
         run(scenario_file(tmp_path, mine), tmp_path / "out", trackers=["mine"])
     path = tmp_path / "suite.yaml"
     path.write_text(

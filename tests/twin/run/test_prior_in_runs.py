@@ -243,7 +243,7 @@ def test_what_is_set_for_a_recording_goes_before_all(house: House) -> None:
 def test_a_scenario_whose_file_is_not_there_records_but_does_not_track(house: House) -> None:
     (house.folder / "lab.npz").unlink()
     assert house.record().exists()
-    with pytest.raises(InputError, match=r"^scenario own: prior\.environment: there is no file .*lab\.npz; one that"):
+    with pytest.raises(InputError, match=r"^.*own\.yaml: prior\.environment: there is no file .*lab\.npz; one that"):
         run_scenario(load_scenario(house.scenario), trackers=[TRACKER], out=house.folder / "run", video=False)
     assert not (house.folder / "run").exists() and not house.handed()
 
