@@ -56,7 +56,7 @@ class FusionTrackManager(TrackManager):
         place, number, R, hits, evidence, near = [], [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
             start = (look.starts > 0) & (~explained(people, look) | (look.owner == NEW))
-            start &= self.clear_of_seats(people, look.position)
+            start &= self.clear_of_seats(people, look.position, look.covariance)
             start[column] = False
             near.append(look.position[column])
             place.append(look.position[start])
@@ -207,12 +207,22 @@ class FusionTrackManager(TrackManager):
                 noise |= tentative & by[:, number] & (by.sum(axis=1) == 1) & ~waits
         return people.select(~noise)
 
-    def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
-        """Mark places that are not within the reach of a person who sits or lies."""
+    def clear_of_seats(
+        self, people: People, position: Float[Array, "k 2"], covariance: Float[Array, "k 2 2"]
+    ) -> Bool[Mask, "k"]:
+        """Mark measurements [m, m²] that cannot be of the body of a person who sits or lies: it has many parts.
+
+        They are out of its reach from the place and the seat by more than their standard deviation along the line from there.
+        """
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
-        away_m = distances(position, people.place[rests])
-        seats_m = np.fmin(away_m, distances(position, people.posture.seat[rests]))
-        return np.logical_and.reduce(seats_m > REACH * people.stature[rests], axis=1)
+        clear = np.ones((2, len(position), np.count_nonzero(rests)), np.bool_)
+        for k, at in enumerate((people.place[rests], people.posture.seat[rests])):
+            off = position[:, None] - at
+            away_m = np.hypot(off[..., 0], off[..., 1])
+            along = off / np.maximum(away_m, 1e-9)[..., None]
+            sigma_m = np.sqrt(np.einsum("kra,kab,krb->kr", along, covariance, along))
+            clear[k] = ~(away_m - sigma_m <= REACH * people.stature[rests])  # no seat: NaN, clear
+        return np.logical_and.reduce(clear[0] & clear[1], axis=1)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""

@@ -106,7 +106,10 @@ def people_at(*places: tuple[float, float]) -> People:
 
 
 def test_nobody_begins_within_reach_of_who_rests() -> None:
-    """Legs and arms of who lies are up to seven tenths of the stature from the place, or from the seat."""
+    """Legs and arms of who lies are up to seven tenths of the stature from the place, or from the seat.
+
+    A measurement that errs along the line from there may be of them too; one that errs across it is not.
+    """
     manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
     people = people_at((0.0, 0.0), (10.0, 0.0), (20.0, 0.0))
     posture = people.posture.changed(
@@ -119,9 +122,12 @@ def test_nobody_begins_within_reach_of_who_rests() -> None:
         stature_m=np.array([1.8, 1.2, 1.8]),
     )
     at = np.array([[-1.2, 0.0], [-1.3, 0.0], [1.7, 0.0], [1.8, 0.0], [10.8, 0.0], [10.9, 0.0], [20.3, 0.0]])
-    assert manager.clear_of_seats(people, at).tolist() == [False, True, False, True, False, True, True]
+    exact, along, across = (np.tile(np.diag(each), (len(at), 1, 1)) for each in ([0.0, 0.0], [0.01, 0.0], [0.0, 0.01]))
+    assert manager.clear_of_seats(people, at, exact).tolist() == [False, True, False, True, False, True, True]
+    assert manager.clear_of_seats(people, at, along).tolist() == [False] * 6 + [True]
+    assert (manager.clear_of_seats(people, at, across) == manager.clear_of_seats(people, at, exact)).all()
     nobody = people.select(np.zeros(3, np.bool_))
-    assert manager.clear_of_seats(nobody, at).all()
+    assert manager.clear_of_seats(nobody, at, along).all()
 
 
 def test_nobody_is_outside_the_area() -> None:
