@@ -294,6 +294,19 @@ def test_a_page_that_is_filled_in_says_so_and_where_to_read_it_whole() -> None:
             assert f"`out/docs/{html}`" in text, f"{named(page)}: says nowhere that scripts/docs fills it in"
 
 
+def test_what_a_gate_keeps_holds_the_cases_that_its_page_links_to() -> None:
+    found = []
+    for block in blocks(ROOT / "docs" / "howto" / "gate.md"):
+        content = parse_yaml(block.code, "gate.md", "a mapping") if block.language == "yaml" else {}
+        steps = content.get("jobs", {}).get("twin", {}).get("steps", [])
+        found += [[each["with"]["path"]] for each in steps if "upload-artifact" in each.get("uses", "")]
+        found += [content["twin"]["artifacts"]["paths"]] if "artifacts" in content.get("twin", {}) else []
+    assert len(found) == 2
+    for paths in found:
+        kept = {path for path in ("out/report.html", "out/cases") if any(path.startswith(each) for each in paths)}
+        assert kept == {"out/report.html", "out/cases"}, paths
+
+
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 
 

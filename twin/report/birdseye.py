@@ -34,7 +34,7 @@ _FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
 class Site:
     """Surroundings of a run: rig of the trackers, walls and furniture (k, 2) [m], and people's names by id, as far as known.
 
-    glass: panes among walls and furniture; true_rig: true poses of the sensors, where `rig`, the assumed one, differs.
+    glass: panes among them; true_rig: true poses of the sensors, where `rig` differs; shown: points (k, 2) a plan fits [m].
     """
 
     rig: Rig
@@ -42,6 +42,7 @@ class Site:
     person_names: Mapping[int, str] = field(default_factory=dict)
     true_rig: Rig | None = None
     glass: Sequence[Polygon] = ()
+    shown: Polygon | None = None
 
 
 @dataclass(frozen=True)
@@ -120,11 +121,11 @@ def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygo
     return extent
 
 
-def plan_width_px(rig: Rig, outline: Sequence[Polygon], height_px: int) -> int:
-    """Return the width of a plan of this height without empty borders [px]; a square where no room is known."""
-    if not outline:
+def plan_width_px(rig: Rig, outline: Sequence[Polygon], height_px: int, shown: Polygon | None = None) -> int:
+    """Return the width of a plan of this height without empty borders [px]; a square where neither is known."""
+    if not outline and shown is None:
         return height_px
-    across = np.ptp(floor_extent(rig, outline), axis=0) + 2 * _MARGIN_M
+    across = np.ptp(floor_extent(rig, outline) if shown is None else shown, axis=0) + 2 * _MARGIN_M
     return round(height_px * float(np.clip(across[0] / across[1], *_PLAN_ASPECTS)))
 
 

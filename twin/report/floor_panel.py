@@ -86,12 +86,12 @@ class FloorPanel:
         self.width_px, self.height_px = width_px, height_px
         self.layers = layer_colours(rig.lasers())
         self._rig, self._outline, self._glass, self._names = rig, site.outline, site.glass, site.person_names
-        self._true = site.true_rig or rig
+        self._true, self._shown = site.true_rig or rig, site.shown
         poses = assumed_poses(rig, site.true_rig)
         self._assumed_poses = [each for each in poses if about is None or each.name in about]
         self._scanners = ScannerOnFloor.of(rig)
         self._view: FloorView | None = None
-        self._has_extent = bool(site.outline) or rig.area is not None
+        self._has_extent = bool(site.outline) or rig.area is not None or site.shown is not None
         self._hidden_floor = self._visible_floor = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
         self._light = np.zeros_like(self._visible_floor)
@@ -100,7 +100,7 @@ class FloorPanel:
         """Paint the static parts. A robot's bag has no room: its first scans with a return set the extent."""
         reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
         self._has_extent |= any(len(points) for points in reach)
-        extent = floor_extent(self._true, self._outline, *reach)
+        extent = floor_extent(self._true, self._outline, *reach) if self._shown is None else self._shown
         view = FloorView.fit(extent, self.width_px, self.height_px)
         self._hidden_floor, self._visible_floor = self._hidden_floor.copy(), self._visible_floor.copy()
         paint_room(self._hidden_floor, view, self._true, self._outline, _HIDDEN_FLOOR, self._glass)

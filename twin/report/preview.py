@@ -129,7 +129,7 @@ def fitting_size(site: Site, height_px: int) -> tuple[tuple[int, int], int]:
         across = ceil(sqrt(len(cameras)))
         tile = (height_px - _HEADER_PX) / ceil(len(cameras) / across)
         left = round(across * tile * widest_aspect(cameras))
-    right = max(plan_width_px(site.rig, site.outline, height_px - _HEADER_PX - _FOOTER_PX), _LEGEND_PX)
+    right = max(plan_width_px(site.rig, site.outline, height_px - _HEADER_PX - _FOOTER_PX, site.shown), _LEGEND_PX)
     return (left + right + (left + right) % 2, height_px), left
 
 

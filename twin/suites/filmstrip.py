@@ -14,11 +14,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from trackers.arrays import Array
 from trackers.errors import text_near_bound
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
-from twin.report.birdseye import Site
+from twin.report.birdseye import Site, floor_extent
 from twin.report.floor_panel import PreviewFrame
 from twin.report.metrics_table import format_number
 from twin.report.palette import IDENTITY_COLOURS, encode_jpeg
@@ -43,6 +44,12 @@ _OFFSETS_S = (-0.8, 0.0, 0.8)
 _HIGH_PX, _STILL_HIGH_PX = 640, 360
 
 _QUALITY = 82
+
+_LAST_S = 0.15
+"""Time before the end of a run at which a tracker has still a frame [s]."""
+
+_AROUND_M, _ZOOMED = 2.5, 0.7
+"""Surroundings of people that a strip shows [m], and the share of the room's breadth up to which it shows them alone."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,9 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
         bag = Recording(entry / RECORDING)
         model, data = world.scene.model, world.empty_snapshot(0.0).data
         outline, glass = (room_outline(model, data, glass_only=only) for only in (False, True))
-        site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)), glass=glass)
+        wanted_s = times_within(work.t_s, scenario.duration_s)
+        shown = people_shown(bag, wanted_s, floor_extent(bag.rig, outline))
+        site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)), glass=glass, shown=shown)
         size, camera_width_px = fitting_size(site, _HIGH_PX)
         writer = _FilmstripWriter(
             folder / "strip.mp4",
@@ -82,11 +91,31 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
             size=size,
             camera_width_px=camera_width_px,
         )
-        writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
+        writer.wanted_s = deque(wanted_s)
         prior = Prior.read(bag.background, case.prior, bag.rig)
         with writer, tracker_runners(chosen, bag.rig, prior, case.seed, folder) as runners:
             _show(Feed(runners, preview := Preview(writer, bag.rig), bag.rig), preview, writer, bag)
+            if writer.wanted_s and writer.n_frames:
+                writer.stills.append(writer.still())  # the last frame, of a recording that ends before
         return _side_by_side(writer.stills)
+
+
+def times_within(t_s: float, duration_s: float) -> list[float]:
+    """Return the times of the pictures about a time [s], moved together to lie within a run that long."""
+    last_s = max(duration_s - _LAST_S, -_OFFSETS_S[0])
+    centre_s = min(max(t_s, -_OFFSETS_S[0]), last_s - _OFFSETS_S[-1])
+    return [max(centre_s + offset, 0.0) for offset in _OFFSETS_S]
+
+
+def people_shown(bag: Recording, times_s: Sequence[float], room: Array) -> Array | None:
+    """Return corners (2, 2) [m] about the people in the area at these times; None where the room (k, 2) is hardly larger."""
+    first_ns, last_ns = (round(each * NS_PER_S) for each in (times_s[0], times_s[-1]))
+    frames = [frame for frame in bag.truth() if first_ns <= frame.stamp_ns <= last_ns]
+    places = [(each.x, each.y) for frame in frames for each in frame.people if each.in_area]
+    if not places:
+        return None
+    low, high = np.min(places, axis=0) - _AROUND_M, np.max(places, axis=0) + _AROUND_M
+    return np.array([low, high]) if (high - low).max() < _ZOOMED * np.ptp(room, axis=0).max() else None
 
 
 class _FilmstripWriter(PreviewWriter):
@@ -250,21 +279,25 @@ def _tick(metric: str, value: float) -> str:
     return format_number(value, METRICS[metric].decimals or 1)
 
 
+STRIP = "worst.jpg"
+"""Name of a film strip in the folder of its case."""
+_REPORT, _METRICS = "report.html", "metrics.json"
 _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
 """Metrics that count events; for all others the worst second is shown."""
 
 
 @dataclass(frozen=True)
 class IncidentLink:
-    """Page of a case and time to look at [s]; `what` happened there."""
+    """Page of a case, or its picture of the worst second, and time to look at [s]; `what` happened there."""
 
     page: Path
     t_s: float
     what: str
 
     def text(self) -> str:
-        """Format page and time on one line."""
-        return f"{self.page} at {self.t_s:.1f} s ({self.what})"
+        """Format page, or the folder without one, and time on one line."""
+        place = self.page if self.page.name == _REPORT else self.page.parent
+        return f"{place} at {self.t_s:.1f} s ({self.what})"
 
 
 def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
@@ -278,13 +311,13 @@ def incident_link(change: Change, results: Results, store: ResultStore, folder: 
     chosen = next((each for each in incidents if each.kind == kind), incidents[0] if incidents else None)
     if chosen is None:
         return None
-    return IncidentLink(case_page(folder, case_id), chosen.t_s, chosen.what)
+    return IncidentLink(case_page(folder, case_id, (_REPORT, STRIP, _METRICS)), chosen.t_s, chosen.what)
 
 
-def case_page(folder: Path, case_id: str) -> Path:
-    """Return the report of a case of the run in `folder`; in a suite without reports the case's folder."""
-    case = folder / "cases" / case_id
-    return report if (report := case / "report.html").is_file() else case
+def case_page(folder: Path, case_id: str, names: Sequence[str] = (_REPORT, _METRICS)) -> Path:
+    """Return the first of these files that a case of the run in `folder` has, else the last: its report, if it has one."""
+    paths = [folder / "cases" / case_id / name for name in names]
+    return next((each for each in paths if each.is_file()), paths[-1])
 
 
 def describe_change(change: Change) -> str:

@@ -16,7 +16,7 @@ from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, SuiteOutcome
-from twin.suites.filmstrip import case_page, colour_of, incident_link, marker, scale_of, small_multiple
+from twin.suites.filmstrip import STRIP, case_page, colour_of, incident_link, marker, scale_of, small_multiple
 from twin.suites.metrics import (
     FEWEST,
     METRICS,
@@ -209,9 +209,7 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
 def _worst(case: PairedCase, filmstrips: Mapping[str, float], folder: Path) -> dict[str, Any]:
     """Collect a case far behind the reference: its HOTA beside the reference's, its page and film strip."""
     picture = (
-        folder / "cases" / case.case_id / "worst.jpg"
-        if case.case_id is not None and case.case_id in filmstrips
-        else None
+        folder / "cases" / case.case_id / STRIP if case.case_id is not None and case.case_id in filmstrips else None
     )
     return {
         "name": f"{case.variant or case.key.scenario}, seed {case.seed}",
@@ -235,11 +233,12 @@ def _filmstrip(
         for seed, case_id in seeds:
             if case_id is None or case_id not in filmstrips:
                 continue
-            picture = folder / "cases" / case_id / "worst.jpg"
+            picture = folder / "cases" / case_id / STRIP
             if picture.is_file():
                 return {
                     "source": data_uri(picture.read_bytes()),
                     "case": case_id,
+                    "who": f"{tracker}, seed {seed}",
                     "caption": f"{tracker}, seed {seed}, at {filmstrips[case_id]:.1f} s: "
                     f"{store.incidents(case_id)[0].what}, the worst of this scenario",
                 }

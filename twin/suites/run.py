@@ -24,7 +24,7 @@ from twin.suites.cache_keys import Provenance, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.expansion import Case, check_case_count, expand
-from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.filmstrip import STRIP, FilmstripWork, draw_filmstrip
 from twin.suites.metrics import flatten_metrics
 from twin.suites.result_files import kind_of_warning, open_store
 from twin.suites.results import collect_results, worst_cases
@@ -320,7 +320,7 @@ def _draw_filmstrips(
         if end.status == FAILED:
             progress.failed(end.task.id, end.error)
             return
-        _write_files(folder / "cases" / case.id, {"worst.jpg": end.value})
+        _write_files(folder / "cases" / case.id, {STRIP: end.value})
         drawn[case.id] = end.task.work.t_s
 
     run_tasks(tasks, draw_filmstrip, TaskListener(ended=ended), None)

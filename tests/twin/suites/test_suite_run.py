@@ -333,6 +333,22 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert code == 0 and "metrics got better" in text
 
 
+@pytest.mark.parametrize("reports", ["true", "false"])
+def test_links_of_a_page_lead_to_files_whether_cases_have_reports_or_not(
+    reports: str, suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    suite.write_text(re.sub(r"^reports:.*\n", "", SUITE, flags=re.MULTILINE) + f"reports: {reports}\n")
+    baseline, out = str(tmp_path / "baseline.json"), tmp_path / "now"
+    common = ["run", str(suite), "--jobs", "1", "--baseline", baseline, "--out"]
+    command(monkeypatch, *common, str(tmp_path / "before"), "--update-baseline")
+    monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
+    text = command(monkeypatch, *common, str(out))[1]
+    links = re.findall(r'href="(cases/[^"]+)"', (out / "report.html").read_text())
+    assert links and all((out / link).is_file() for link in links)
+    looks = re.findall(r"^see (\S+) at", text, re.MULTILINE)
+    assert looks and all(look.endswith("report.html") == (reports == "true") for look in looks)
+
+
 def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_what_was_kept_before_is_read(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -424,14 +440,14 @@ def test_a_requirement_that_cannot_be_is_told(suite: Path, require: str, said: s
     assert said in str(told.value) and "require" in str(told.value)
 
 
-def test_without_reports_the_page_leads_to_the_folders_of_the_cases(suite: Path, tmp_path: Path) -> None:
+def test_without_reports_the_page_leads_to_the_metrics_of_the_cases(suite: Path, tmp_path: Path) -> None:
     suite.write_text(suite.read_text() + "\nreports: false\n")
     run_made_up(suite, folder := tmp_path / "out")
     assert not list((folder / "cases").glob("*/report.html"))
     with read_store(folder) as store:
         write_page(folder / "report.html", SuiteOutcome.of(folder, store))
     links = re.findall(r'href="(cases/[^"]+)"', (folder / "report.html").read_text())
-    assert len(links) == N_CASE and all((folder / link / "metrics.json").is_file() for link in links)
+    assert len(links) == N_CASE and all((folder / link).is_file() for link in links)
 
 
 def test_a_baseline_that_nothing_can_be_compared_with_does_not_pass(

@@ -6,22 +6,28 @@ import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
 import pytest
 
 from trackers.errors import InputError
+from trackers.rig import Rig
+from twin.recording.reader import Recording
+from twin.report.birdseye import plan_width_px
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites import worker
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.expansion import Case, expand
-from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.filmstrip import FilmstripWork, draw_filmstrip, people_shown, times_within
 from twin.suites.metrics import flatten_metrics
 from twin.suites.spec import load_suite
 from twin.suites.worker import CaseWork, run_case
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 pytestmark = pytest.mark.slow
 
@@ -89,12 +95,35 @@ def test_a_case_whose_people_moved_before_is_recorded_to_the_same_bits(cases: li
     assert [each.size()[0] for each in caches] == [1, 2]  # the motion lies beside the recording
 
 
-def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> None:
-    jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, 1.0))
+@pytest.mark.parametrize("t_s", [1.0, 1.95])
+def test_the_worst_moment_is_drawn_in_three_pictures_also_at_the_end(
+    t_s: float, cases: list[Case], cache: RecordingCache
+) -> None:
+    jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, t_s))
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None and picture.shape[0] == 360 and picture.shape[1] % 3 == 0
     thirds = np.split(picture.astype(int), 3, axis=1)
     assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(thirds))
+
+
+def test_a_strip_shows_the_people_in_the_area_alone_where_the_room_is_much_larger() -> None:
+    far = PersonTruth(3, 40.0, 0.0, in_area=False)
+    frames = [TruthFrame(n * 10**9, (PersonTruth(1, 10.0 + n, 5.0), PersonTruth(2, 12.0, 7.0), far)) for n in range(9)]
+    bag = cast(Recording, SimpleNamespace(truth=lambda: iter(frames)))
+    shown = people_shown(bag, [2.0, 3.0, 4.0], np.array([[-25.0, -25.0], [25.0, 25.0]]))
+    assert shown is not None and shown.tolist() == [[12 - 2.5, 5 - 2.5], [14 + 2.5, 7 + 2.5]]
+    assert people_shown(bag, [2.0, 3.0, 4.0], np.array([[8.0, 2.0], [16.0, 10.0]])) is None
+    assert people_shown(bag, [20.0, 21.0], np.array([[-25.0, -25.0], [25.0, 25.0]])) is None
+    assert plan_width_px(Rig.model_construct(), (), 300, shown) == 300  # a square, as that of the people
+
+
+@pytest.mark.parametrize("duration_s", [0.5, 1.8, 2.0, 8.0, 60.0])
+def test_the_times_of_a_strip_lie_within_the_run_and_about_its_worst_one(duration_s: float) -> None:
+    for t_s in np.linspace(0, duration_s, 21):
+        times = times_within(float(t_s), duration_s)
+        assert len(times) == 3 and times == sorted(times) and times[0] >= 0
+        if duration_s > 1.75:
+            assert times[-1] < duration_s and times[0] <= t_s <= times[-1] + 0.15 + 1e-9
 
 
 def test_a_worker_with_other_code_refuses(cases: list[Case], cache: RecordingCache) -> None:
