@@ -34,6 +34,8 @@ _SHAPES |= {r"^[A-Za-z][A-Za-z0-9_-]*$": "a name of letters a to z, digits, '-' 
 
 _MOST_LINES = 50
 """Number of faults of a file beyond which the rest is counted."""
+_MOST_FIELDS = 12
+"""Number of fields up to which an error names those of the mapping that it expects."""
 _MOST_SHOWN = 200
 """Number of characters of a value in an error."""
 _LARGEST_NUMBER = 1_000_000_000
@@ -229,7 +231,8 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             about = next((each.description for each in fields if each is not None and each.description), None)
             message = "is missing" + (f" ({about})" if about else "")
         elif (kind := fault.get("ctx", {}).get("pattern", fault["type"])) in _SHAPES:
-            message = f"{_SHAPES[kind]} is expected (got {_shown(fault['input'])})"
+            fields = _fields_text(model, fault["loc"], _SHAPES[kind])
+            message = f"{_SHAPES[kind]}{fields} is expected (got {_shown(fault['input'])})"
             if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
                 message += "; in quotes it is one"
         else:
@@ -244,6 +247,15 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
     distinct = list(dict.fromkeys(lines))
     more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []
     return distinct[:_MOST_LINES] + more
+
+
+def _fields_text(model: type[BaseModel], path: tuple[int | str, ...], shape: str) -> str:
+    """Return the words that name the fields of the mapping, or list of mappings, expected at a path; "" for others."""
+    of = {"a mapping": "", "a list": " of mappings"}.get(shape)
+    keys = keys_of(model, path if shape == "a mapping" else (*path, 0)) if of is not None else None
+    if not keys or len(keys) > _MOST_FIELDS:
+        return ""
+    return f"{of} with {', '.join(sorted(keys))}"
 
 
 def _expected(kind: str, message: str, limits: Mapping[str, Any]) -> str:

@@ -136,6 +136,15 @@ def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
             "with more than 0.1 m of cable; other poses",
         ),
         (
+            {"constraints__keep_free": {"doors_m": 1}},
+            "keep_free: a list of mappings with doors_m, from_m, name, polygon, to_m is expected (got {'doors_m': 1})",
+        ),
+        (
+            {"constraints__keep_free": ["door"]},
+            "keep_free.0: a mapping with doors_m, from_m, name, polygon, to_m is expected (got 'door')",
+        ),
+        ({"constraints__keep_free": [{"name": "door"}]}, "keep_free.0: one of polygon and doors_m is expected, as in {"),
+        (
             {"constraints__keep_free": [{"name": "all", "polygon": [[-9, -9], [9, -9], [9, 9], [-9, 9]]}]},
             "in the zone 'all'",
         ),
