@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from trackers.errors import text_near_bound
@@ -54,50 +55,50 @@ _AROUND_M, _ZOOMED = 2.5, 0.7
 
 @dataclass(frozen=True)
 class FilmstripWork:
-    """A case, its recording's cache, and the time to show [s]."""
+    """A case, its recording's cache, and the time to show [s]; `beside`: another tracker's case of the same recording."""
 
     case: Case
     cache: RecordingCache
     t_s: float
+    beside: Case | None = None
 
 
 def draw_filmstrip(work: FilmstripWork) -> bytes:
     """Draw three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
 
-    Tracks the recording again up to there; a recording no longer in the cache is made again.
+    The case `beside` is a row below. Tracks the recording again up to there; one no longer in the cache is made again.
     """
     case, scenario = work.case, resolved_scenario(work.case)
-    defined = dict(_choice(text) for text in case.tracker_changes)
-    chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # checked by `expand`
     world = World(scenario)
-    with (
-        case_recording(case, work.cache) as entry,
-        tempfile.TemporaryDirectory(prefix="roomtwin-strip-") as temporary,
-    ):
-        folder = Path(temporary)
+    with case_recording(case, work.cache) as entry:
         bag = Recording(entry / RECORDING)
         model, data = world.scene.model, world.empty_snapshot(0.0).data
         outline, glass = (room_outline(model, data, glass_only=only) for only in (False, True))
         wanted_s = times_within(work.t_s, scenario.duration_s)
         shown = people_shown(bag, wanted_s, floor_extent(bag.rig, outline))
         site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)), glass=glass, shown=shown)
-        size, camera_width_px = fitting_size(site, _HIGH_PX)
-        writer = _FilmstripWriter(
-            folder / "strip.mp4",
-            site,
-            fps=10,
-            tracker=case.tracker,
-            title=f"{case.scenario}, seed {case.seed}",
-            size=size,
-            camera_width_px=camera_width_px,
-        )
+        rows = [_side_by_side(_stills(each, bag, site, wanted_s)) for each in (case, work.beside) if each is not None]
+    wide = max(row.shape[1] for row in rows)
+    rows = [np.pad(row, ((0, 0), (0, wide - row.shape[1]), (0, 0))) for row in rows]
+    return encode_jpeg(np.vstack(rows)[..., ::-1], _QUALITY)
+
+
+def _stills(case: Case, bag: Recording, site: Site, wanted_s: Sequence[float]) -> list[bytes]:
+    """Track the recording of a case and draw it at these times [s]."""
+    defined = dict(_choice(text) for text in case.tracker_changes)
+    chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # checked by `expand`
+    size, camera_width_px = fitting_size(site, _HIGH_PX)
+    title = f"{case.scenario}, seed {case.seed}"
+    prior = Prior.read(bag.background, case.prior, bag.rig)
+    with tempfile.TemporaryDirectory(prefix="roomtwin-strip-") as temporary:
+        look = {"tracker": case.tracker, "title": title, "size": size, "camera_width_px": camera_width_px}
+        writer = _FilmstripWriter(Path(temporary) / "strip.mp4", site, fps=10, **look)
         writer.wanted_s = deque(wanted_s)
-        prior = Prior.read(bag.background, case.prior, bag.rig)
-        with writer, tracker_runners(chosen, bag.rig, prior, case.seed, folder) as runners:
+        with writer, tracker_runners(chosen, bag.rig, prior, case.seed, Path(temporary)) as runners:
             _show(Feed(runners, preview := Preview(writer, bag.rig), bag.rig), preview, writer, bag)
             if writer.wanted_s and writer.n_frames:
                 writer.stills.append(writer.still())  # the last frame, of a recording that ends before
-        return _side_by_side(writer.stills)
+            return writer.stills
 
 
 def times_within(t_s: float, duration_s: float) -> list[float]:
@@ -156,7 +157,7 @@ def _choice(text: str) -> tuple[str, TrackerChoice]:
     return path.removeprefix("trackers."), TrackerChoice.model_validate(json.loads(value))
 
 
-def _side_by_side(stills: Sequence[bytes]) -> bytes:
+def _side_by_side(stills: Sequence[bytes]) -> NDArray[np.uint8]:
     pictures = []
     for still in stills:
         picture = cv2.imdecode(np.frombuffer(still, dtype=np.uint8), cv2.IMREAD_COLOR)
@@ -166,7 +167,7 @@ def _side_by_side(stills: Sequence[bytes]) -> bytes:
         pictures.append(cv2.resize(picture, (width, _STILL_HIGH_PX), interpolation=cv2.INTER_AREA))
     if not pictures:
         raise ValueError("no frame lies at or after the time")
-    return encode_jpeg(np.hstack(pictures)[..., ::-1], _QUALITY)
+    return np.hstack(pictures)
 
 
 _SHAPES = (

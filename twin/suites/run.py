@@ -283,7 +283,7 @@ def _draw_filmstrips(
     run_tasks: RunTasks,
     progress: ProgressListener,
 ) -> None:
-    """Draw the worst second of each scenario and variant, and of the cases furthest behind the reference tracker.
+    """Draw the worst second of each scenario and variant, and of the cases furthest behind the reference, with its below.
 
     The worst scenarios come first, `_MAX_FILMSTRIPS` at most; one that cannot be drawn is left out.
     """
@@ -307,12 +307,12 @@ def _draw_filmstrips(
         for case in behind
         if case.case_id is not None and case.case_id in worst_second
     }
-    tasks = [
-        Task(
-            f"{case_id}-strip", FilmstripWork(by_id[case_id], cache, t_s), by_id[case_id].limit_s, by_id[case_id].recipe
-        )
-        for case_id, t_s in (chosen | of_reference).items()
-    ]
+    rivals = {(each.scenario, each.variant, each.seed): each for each in cases if each.tracker == reference}
+    tasks = []
+    for case_id, t_s in (chosen | of_reference).items():
+        case = by_id[case_id]
+        beside = rivals[case.scenario, case.variant, case.seed] if case_id in of_reference else None
+        tasks.append(Task(f"{case_id}-strip", FilmstripWork(case, cache, t_s, beside), case.limit_s, case.recipe))
     drawn = {}
 
     def ended(end: TaskResult) -> None:

@@ -106,6 +106,15 @@ def test_the_worst_moment_is_drawn_in_three_pictures_also_at_the_end(
     assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(thirds))
 
 
+def test_the_strip_of_a_case_beside_another_has_a_row_of_each(cases: list[Case], cache: RecordingCache) -> None:
+    jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, 1.0, beside=cases[0]))
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None and picture.shape[0] == 720
+    own = draw_filmstrip(FilmstripWork(cases[1], cache, 1.0))
+    above = cv2.imdecode(np.frombuffer(own, np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(picture[:360].astype(int) - above).mean() < 1 < np.abs(picture[360:].astype(int) - above).mean()
+
+
 def test_a_strip_shows_the_people_in_the_area_alone_where_the_room_is_much_larger() -> None:
     far = PersonTruth(3, 40.0, 0.0, in_area=False)
     frames = [TruthFrame(n * 10**9, (PersonTruth(1, 10.0 + n, 5.0), PersonTruth(2, 12.0, 7.0), far)) for n in range(9)]
