@@ -187,8 +187,10 @@ def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float | None
             mine = [each for each in scenario.sensors if each in device.sensors or named.fullmatch(each)]
             prices |= {each: candidate_set.device_price(device, scenario.sensors[each]) for each in mine}
             continue
-        for first in device.sensors_in(scenario)[:1]:
-            prices[first] = candidate_set.device_price(device, None)
+        first = device.sensors_in(results.prepared.scenario)[0]
+        named = re.compile(rf"{re.escape(first)}(-{re.escape(device_name)}-\d+)?")
+        price = candidate_set.device_price(device, None)
+        prices |= {each: price for each in scenario.sensors if named.fullmatch(each)}
     return prices if any(prices.values()) else dict.fromkeys(prices)
 
 
