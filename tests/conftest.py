@@ -31,9 +31,9 @@ import shape_checks  # noqa: E402
 import worker_memory  # noqa: E402
 
 worker_memory.map_large_arrays()
-PEAK = worker_memory.Peak()
-WORKERS: dict[str, tuple[float, str]] = {}
-"""Peak memory of each worker [MiB], and the file of tests that reached it."""
+PEAKS = worker_memory.Peaks()
+WORKERS: dict[str, list[tuple[float, str]]] = {}
+"""Peak memory of each worker [MiB] in its heaviest files of tests."""
 
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()
@@ -86,7 +86,7 @@ def pytest_runtest_teardown(item: pytest.Function, nextitem: pytest.Item | None)
     result = yield
     if nextitem is None or nextitem.path != item.path:
         assert item.module is not None
-        PEAK.note(item.nodeid.partition("::")[0])
+        PEAKS.note(item.nodeid.partition("::")[0])
         worker_memory.end_file(item.module)
     else:
         worker_memory.collect_if_grown()
@@ -111,17 +111,18 @@ def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Hand this worker's peak memory to the process that started it."""
     if (output := getattr(session.config, "workeroutput", None)) is not None:
-        output["peak"] = (PEAK.mib, PEAK.file)
+        output["peaks"] = PEAKS.heaviest()
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
     """Take a worker's peak memory; one that crashed has none."""
-    if peak := getattr(node, "workeroutput", {}).get("peak"):
-        WORKERS[node.gateway.id] = peak
+    if peaks := getattr(node, "workeroutput", {}).get("peaks"):
+        WORKERS[node.gateway.id] = peaks
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print the peak memory of each worker."""
-    for worker, (mib, file) in sorted(WORKERS.items()):
-        terminalreporter.write_line(f"worker {worker}: peak {mib:.0f} MiB, reached in {file}")
+    for worker, peaks in sorted(WORKERS.items()):
+        of_files = "; ".join(f"{mib:.0f} MiB in {file}" for mib, file in peaks)
+        terminalreporter.write_line(f"worker {worker}: peak {of_files}")

@@ -6,13 +6,14 @@ import gc
 import importlib
 import weakref
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 import threadpoolctl  # scikit-learn's
 import worker_memory
-from worker_memory import GROWTH_MIB, LARGE_CACHES, Peak, collect_if_grown, end_file, resident_mib, shared_caches
+from worker_memory import GROWTH_MIB, LARGE_CACHES, Peaks, collect_if_grown, end_file, resident_mib, shared_caches
 
 resident = pytest.mark.skipif(resident_mib() == 0.0, reason="resident memory is read from /proc")
 
@@ -72,15 +73,14 @@ def test_blas_has_one_thread() -> None:
     assert found and {each["num_threads"] for each in found} == {1}, found
 
 
-@resident
-def test_the_peak_of_a_worker_is_of_the_file_that_reached_it() -> None:
-    peak = Peak()
-    peak.note("first")
-    before_mib = peak.mib
-    assert before_mib >= resident_mib()
-    peak.note("as little")
-    assert (peak.mib, peak.file) == (before_mib, "first")
-    held = np.ones(round((before_mib - resident_mib() + 2 * GROWTH_MIB) * 2**17))
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peaks are forgotten on Linux alone")
+def test_peaks_are_those_of_each_file_and_the_heaviest_are_said() -> None:
+    peaks = Peaks()
+    peaks.note("before")
+    held = np.ones(round(2 * GROWTH_MIB * 2**17))
+    peaks.note("heavy")
     del held
-    peak.note("more")
-    assert peak.file == "more" and peak.mib > before_mib + GROWTH_MIB
+    peaks.note("as heavy at its start")
+    peaks.note("light")
+    assert peaks.of_file["heavy"] > peaks.of_file["light"] + GROWTH_MIB
+    assert [mib for mib, _ in peaks.heaviest()] == sorted(peaks.of_file.values(), reverse=True)[:3]

@@ -10,6 +10,7 @@ import gc
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import _lru_cache_wrapper
 from pathlib import Path
 from types import ModuleType
@@ -63,16 +64,21 @@ def peak_mib() -> float:
     return 0.0 if found is None else int(found[1]) / 1024
 
 
-class Peak:
-    """The greatest resident memory of a process that runs tests, and the file of tests that reached it."""
+class Peaks:
+    """The greatest resident memory of a process during each file of tests [MiB]."""
 
     def __init__(self) -> None:
-        self.mib, self.file = 0.0, ""
+        self.of_file: dict[str, float] = {}
 
     def note(self, file: str) -> None:
-        """Note the peak at the end of a file of tests, if it has grown by a MiB."""
-        if (now_mib := peak_mib()) > self.mib + 1:
-            self.mib, self.file = now_mib, file
+        """Note the peak at the end of a file of tests, and have the system (Linux) forget it."""
+        self.of_file[file] = peak_mib()
+        with suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5")
+
+    def heaviest(self) -> list[tuple[float, str]]:
+        """Return the peaks of the three heaviest files, the greatest first."""
+        return sorted(((mib, file) for file, mib in self.of_file.items()), reverse=True)[:3]
 
 
 def collect_if_grown() -> None:
@@ -94,6 +100,7 @@ def end_file(of_tests: ModuleType) -> None:
     if _settled_mib > _released_mib + GROWTH_MIB:
         for cache in shared_caches():
             cache.cache_clear() if hasattr(cache, "cache_clear") else cache.clear()
+        gc.unfreeze()
         _collect()
         _released_mib = _settled_mib
     gc.freeze()  # modules and caches of the code: searching them costs a quarter of a second a file

@@ -137,7 +137,7 @@ def test_impossible_candidates_are_refused(tmp_path: Path) -> None:
 
 def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(tmp_path: Path) -> None:
     (tmp_path / "late.yaml").write_text(
-        "extends: library-hall\nname: late\nmain_sensor: east\nsensors: {camera: null}\n"
+        "extends: library-hall\nname: late\nmain_sensor: east\nsensors: {camera: null}\nduration_s: 5\n"
         "faults: {gone: {kind: dropout, sensor: [west], from_s: 1, to_s: 2}}\n"
     )
     places = [{"xyz": [-12.8, y, 0.35]} for y in (-3.0, -2.0, 3.0)]

@@ -60,19 +60,18 @@ def test_a_person_of_a_file_is_seen_at_every_stamp(tmp_path: Path) -> None:
     times = [1.0, 2.5, 20.2, 20.7, 35.0, 41.0]
     together = SampledWorld(scenario, precomputed, times)
     visibility = SensorVisibility(scenario, "knee", COVERAGE)
-    alone = [SampledWorld(scenario, precomputed, [t]) for t in times]
-    seen = visibility.people(together)
+    seen, cells = visibility.people(together), floor_cells(together.area, 0.3)
     assert len(body_pools(scenario.people)) > 1 and together.n_person_frame == len(seen) > 15 and seen.sum() > 0
-    assert seen.tolist() == np.concatenate([visibility.people(each) for each in alone]).tolist()
-    cells = floor_cells(together.area, 0.3)
-    assert (
-        visibility.floor(together, cells).tolist()
-        == np.concatenate([visibility.floor(each, cells) for each in alone]).tolist()
-    )
-    assert (
-        visibility.resolution(together.empty(), cells).tolist()
-        == visibility.resolution(alone[0].empty(), cells).tolist()
-    )
+    floor, resolution = visibility.floor(together, cells), visibility.resolution(together.empty(), cells)
+    del together  # before the other worlds are made
+    alone_seen, alone_floor = [], []
+    for t in times:
+        alone = SampledWorld(scenario, precomputed, [t])
+        alone_seen.append(visibility.people(alone))
+        alone_floor.append(visibility.floor(alone, cells))
+    assert seen.tolist() == np.concatenate(alone_seen).tolist()
+    assert floor.tolist() == np.concatenate(alone_floor).tolist()
+    assert resolution.tolist() == visibility.resolution(alone.empty(), cells).tolist()
 
 
 def test_a_camera_sees_heads_at_pixels_a_metre(sampled: SampledWorld) -> None:
