@@ -22,7 +22,7 @@ def test_every_portrait_is_seen_from_every_side_and_its_face_from_the_front(tmp_
     path = tmp_path / "people.png"
     looks = {"shirt": "#ff0000", "sleeves": "long", "cap": "none", "glasses": False, "hair_style": "bald"}
     write_png(path, draw_portraits([portrait(**looks), portrait("ben", height_m=1.0)], columns=1, cell_px=(60, 100)))
-    sheet = cv2.imread(str(path))[..., ::-1].astype(int)
+    sheet = cv2.imread(str(path))[..., ::-1].astype(np.int16)
     assert sheet.shape[1] == 60 * len(VIEWS)
     rows = sheet.shape[0] // 2
     first = sheet[rows - 100 : rows].reshape(100, len(VIEWS), 60, 3)

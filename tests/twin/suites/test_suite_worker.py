@@ -102,7 +102,7 @@ def test_the_worst_moment_is_drawn_in_three_pictures_also_at_the_end(
     jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, t_s))
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None and picture.shape[0] == 360 and picture.shape[1] % 3 == 0
-    thirds = np.split(picture.astype(int), 3, axis=1)
+    thirds = np.split(picture.astype(np.int16), 3, axis=1)
     assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(thirds))
 
 
@@ -112,7 +112,11 @@ def test_the_strip_of_a_case_beside_another_has_a_row_of_each(cases: list[Case],
     assert picture is not None and picture.shape[0] == 720
     own = draw_filmstrip(FilmstripWork(cases[1], cache, 1.0))
     above = cv2.imdecode(np.frombuffer(own, np.uint8), cv2.IMREAD_COLOR)
-    assert np.abs(picture[:360].astype(int) - above).mean() < 1 < np.abs(picture[360:].astype(int) - above).mean()
+    assert (
+        np.abs(picture[:360].astype(np.int16) - above).mean()
+        < 1
+        < np.abs(picture[360:].astype(np.int16) - above).mean()
+    )
 
 
 def test_a_strip_shows_the_people_in_the_area_alone_where_the_room_is_much_larger() -> None:

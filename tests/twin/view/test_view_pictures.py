@@ -128,7 +128,7 @@ def test_a_sheet_s_plan_has_a_floor_where_it_is_and_says_where_it_is_believed(tm
 def pictures(path: Path) -> list[np.ndarray]:
     with av.open(str(path)) as container:
         assert container.streams.video[0].codec_context.name == "h264"
-        return [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
+        return [frame.to_ndarray(format="rgb24").astype(np.int16) for frame in container.decode(video=0)]
 
 
 def test_a_video_has_25_pictures_a_second_and_shows_the_pressure(tmp_path):
