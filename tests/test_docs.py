@@ -123,7 +123,7 @@ def load_described(path: Path, text: str) -> None:
     content = parse_yaml(text, str(path), "a mapping")
     if "devices" in content:
         load_study(path)
-    elif "scenarios" in content:
+    elif "scenarios" in content or "recordings" in content:
         load_suite(path)
     elif any("topic" in each for each in content["sensors"].values() if each) if "sensors" in content else False:
         Rig.parse(text, str(path))

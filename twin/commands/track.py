@@ -149,7 +149,6 @@ def evaluate(
 
     import numpy as np
 
-    from trackers.observations import NS_PER_S
     from twin.console import print_warning, print_warnings
     from twin.evaluate import evaluate_with_details
     from twin.evaluate.judged_frames import describe_judged
@@ -158,6 +157,7 @@ def evaluate(
     from twin.recording.tables import read_tracks, read_truth
     from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
     from twin.tables.contents import sequence_info, sequence_info_of
+    from twin.tables.person_rows import mot_stamp_ns
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
@@ -174,7 +174,7 @@ def evaluate(
     if is_mot:  # a frame without rows is a frame without people
         stamps = np.unique(np.concatenate([each.frame_stamps_ns for each in tables]))
         if n_frame and frame_rate is not None:
-            stamps = np.union1d(stamps, [round(NS_PER_S * number / frame_rate) for number in range(1, n_frame + 1)])
+            stamps = np.union1d(stamps, [mot_stamp_ns(number, frame_rate) for number in range(1, n_frame + 1)])
         tables = replace(tables[0], frame_stamps_ns=stamps), replace(tables[1], frame_stamps_ns=stamps)
     if os.path.samefile(truth, tracks):
         print_warning(f"{truth}: is given as truth and as tracks, and is compared with itself")

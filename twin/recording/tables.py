@@ -201,7 +201,9 @@ def read_truth(
     in_area = rows.flags("in_area") if "in_area" in rows.cells else within
     notes = found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found))
     if "status" in rows.cells:
-        notes += (f"{path}: has a column status, as tables of tracks have; the table of truth comes first",)
+        notes += (
+            f"{path}: is taken for truth, though its column status is one of tracks; right only where its tracks are",
+        )
     return TruthTable(
         str(path),
         found.frame_stamps_ns,

@@ -83,13 +83,25 @@ def encode_tracks(frame: TrackFrame) -> memoryview:
 class TrackTopics:
     """Writes the tracks of several trackers into an open bag, each frame logged at its stamp."""
 
-    def __init__(self, bag: McapFile, trackers: Sequence[str], start_ns: int = 0, logged_after_ns: int = 0) -> None:
-        """Connect the topics; `start_ns` is added to stamps, for a clock that does not start at 0, and both to log times."""
+    def __init__(
+        self,
+        bag: McapFile,
+        trackers: Sequence[str],
+        start_ns: int = 0,
+        logged_after_ns: int = 0,
+        frame_ids: Mapping[str, str] | None = None,
+    ) -> None:
+        """Connect the topics; `start_ns` is added to stamps, for a clock that does not start at 0, and both to log times.
+
+        frame_ids: of the markers, by tracker (default: the room).
+        """
         self._bag = bag
         self._logged_after_ns = logged_after_ns
         self._start_ns = start_ns
         self._topics = track_topics(trackers)
-        self._markers = {name: PeopleMarkers({}, _STYLE) for name in trackers}
+        self._markers = {
+            name: PeopleMarkers({}, _STYLE, (frame_ids or {}).get(name, topics.ROOM_FRAME)) for name in trackers
+        }
         for topic in self._topics.values():
             bag.connect(topic, STRING)
             bag.connect(markers_topic(topic), MARKER_ARRAY)
@@ -122,15 +134,16 @@ def copy_with_tracks(
     on_warning: OnWarning = lambda warning: None,
     add: Callable[[McapFile], object] = lambda bag: None,
     truth: TruthTable | None = None,
+    frame_ids: Mapping[str, str] | None = None,
 ) -> None:
     """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, the truth, and what `add` writes.
 
     Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. Log
     times go on where the recorder's clock was set back. A robot's bag gets the start stamp (`START`), and in `/tf_static` the
-    transforms from the frame of the room, in which tracks are, to those of its sensors as the rig has them: one latched message
-    with all of the bag's own, so that a late reader has them all, unless those change. Tracks of the same trackers that
-    the bag already holds are left out, and its own truth where `truth` takes its place. Raises InputError for a damaged bag
-    and for a target that cannot be written.
+    transforms from the frame of the room to those of its sensors as the rig has them: one latched message with all of the bag's
+    own, so that a late reader has them all, unless those change. Markers of tracks are in `frame_ids`, by tracker (default: the
+    room). Tracks of the same trackers that the bag already holds are left out, and its own truth where `truth` takes its place.
+    Raises InputError for a damaged bag and for a target that cannot be written.
     """
     from twin.recording.bags.bag import open_bag
     from twin.recording.sensor_clock import Unwound
@@ -154,7 +167,7 @@ def copy_with_tracks(
                 lost.append(f"{each.topic} ({each.msgtype})")
         if lost:
             on_warning(f"--bag {target}: without {', '.join(lost)}, whose definitions in the bag cannot be used")
-        tracks = TrackTopics(bag, trackers, recording.start_ns, recording.logged_after_ns)
+        tracks = TrackTopics(bag, trackers, recording.start_ns, recording.logged_after_ns, frame_ids)
         if not recording.is_twin:
             _write_start(bag, recording)
         if placed:
@@ -299,9 +312,7 @@ def _room_transforms(
                 if drifts:
                     is_base = name in recording.rig.odometry()
                     remedy = f"; `frame: {root}` of {name} in rig.yaml has tracks in {root}" if is_base else ""
-                    on_warning(
-                        f"--bag {target}: {drifts}; room, the frame of tracks, is placed in {root} by the first{remedy}"
-                    )
+                    on_warning(f"--bag {target}: {drifts}; room is placed in {root} by the first{remedy}")
     return [transform_message(root, room_from_root) for root, room_from_root in roots.items()]
 
 

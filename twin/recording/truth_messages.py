@@ -98,15 +98,15 @@ class _Layout(NamedTuple):
 
 
 class PeopleMarkers:
-    """Encoder of truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name per person, in the room
-    frame.
+    """Encoder of truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name per person, in a frame.
 
     Serializing ten markers field by field costs more than a laser scan. Only stamps, positions and heights change between
     frames, so the message is serialized once for the same people, drawn alike, and those numbers are written into it.
     """
 
-    def __init__(self, names: Mapping[int, str], style: MarkerStyle = TRUTH_STYLE) -> None:
+    def __init__(self, names: Mapping[int, str], style: MarkerStyle = TRUTH_STYLE, frame_id: str = ROOM_FRAME) -> None:
         self._names = names
+        self._frame_id = frame_id
         self._style = style
         self._shown: tuple[int, ...] = ()
         self._layouts: dict[tuple[tuple[int, ...], frozenset[int]], _Layout] = {}
@@ -147,6 +147,8 @@ class PeopleMarkers:
         for id_ in left:
             markers += [_marker(self._style.bodies, id_, Marker.CYLINDER, action=Marker.DELETE)]
             markers += [_marker(self._style.labels, id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
+        for each in markers:
+            each.header.frame_id = self._frame_id
         message = bytes(TYPESTORE.serialize_cdr(MarkerArray(markers), MARKER_ARRAY, little_endian=True))
         words, doubles = _words_and_doubles(np.frombuffer(message, dtype=np.uint8))
         layout = _Layout(message, np.flatnonzero(doubles == _MARK), np.flatnonzero(words == _STAMP_MARK_S))

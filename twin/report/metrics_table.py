@@ -42,7 +42,7 @@ _MAIN = (
     Metric("misidentifications", "Misidentified", "", "a confirmed track goes on with another person", "less", 0),
     Metric("lost_tracks", "Lost", "", "a confirmed track ends while its person is in the area", "less", 0),
     Metric("id_switches", "Identity switches", "", "a person goes on under another id", "less", 0),
-    Metric("misses", "Misses", "", "people without a track, summed over frames", "less", 0),
+    Metric("misses", "Misses", "", "people without a matched track, summed over frames", "less", 0),
     Metric("false_positives", "False positives", "", "tracks without a person, summed over frames", "less", 0),
 )
 _CAUSES = (
@@ -57,7 +57,14 @@ _CAUSES = (
 )
 _ACCURACY = (
     Metric("accuracy", "Accuracy", "", "1 − (missed + false locations + identity wrong) / people", "more", 3),
-    Metric("failures.missed", "Missed", "", "people with no track near, summed over frames", "less", 0),
+    Metric(
+        "failures.missed",
+        "Missed",
+        "",
+        "people with no track within the gate, summed over frames",
+        "less",
+        0,
+    ),
     Metric(
         "failures.false_location", "False locations", "", "tracks far from any person, summed over frames", "less", 0
     ),

@@ -118,6 +118,9 @@ def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
 
 
+_MOVES = " (which moves)"
+
+
 def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[str, str]:
     """Name the frame of each tracker's tracks: the rig's `room`, or, where that is no other, the frame of odometry or scanner.
 
@@ -129,14 +132,21 @@ def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[s
         sensor = mounted.get(main, main)
         own = next(iter(sorted(bag.frames.get(sensor, ()))), "").strip("/")
         pose = rig.sensors[sensor].room_from_sensor
-        is_at_origin = isinstance(pose, Pose) and not any((*pose.xyz[:2], *pose.rpy))
+        is_at_origin = isinstance(pose, Pose) and not any((*pose.xyz, *pose.rpy))
         if sensor != main and sensor in unused_sensors(each.tracker):
             base = rig.odometry()[sensor].base_frame
-            frames[each.name] = f"{base} (which moves)" if base else f"the base of {sensor} (which moves)"
+            frames[each.name] = f"{base}{_MOVES}" if base else f"the base of {sensor}{_MOVES}"
         else:
             in_rig = own if own and is_at_origin and not bag.is_twin else ROOM_FRAME
             frames[each.name] = report_frame(each.tracker) or in_rig
     return frames
+
+
+def frames_of_markers(frames: Mapping[str, str], runners: Sequence[TrackerRunner]) -> dict[str, str]:
+    """Return the frame_id of each tracker's markers in a copy: the frame of its tracks, `room` where transforms name no such."""
+    own = {each.name for each in runners if report_frame(each.tracker)}
+    ids = {name: frame.removesuffix(_MOVES) for name, frame in frames.items()}
+    return {name: ROOM_FRAME if name in own or " " in frame else frame for name, frame in ids.items()}
 
 
 def other_frame_warnings(rig: Rig, results: Sequence[TrackerResult]) -> list[str]:

@@ -39,6 +39,7 @@ from twin.run.outcome import (
     RunResult,
     early_warnings,
     evaluate_trackers,
+    frames_of_markers,
     frames_of_tracks,
     other_frame_warnings,
     prior_notes,
@@ -251,7 +252,8 @@ class _Replay:
                 if self.own_truth is None
                 else truth_at(self.own_truth, self.bag.all_stamps_ns(), self.bag.stamps_of(self.bag.rig.main_sensor))
             )
-            copy_with_tracks(self.bag, self.bag_copy, names, frames, self.on_warning, truth=own)
+            frame_ids = frames_of_markers(self._frame_of, fed.runners)
+            copy_with_tracks(self.bag, self.bag_copy, names, frames, self.on_warning, truth=own, frame_ids=frame_ids)
             left = left | {"bag": self.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))

@@ -70,7 +70,7 @@ def read_person_rows(
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A
     row with only its time has no person, and a row without x and y says nothing of its person. A row written twice counts
     once. Raises InputError naming file, line, column and value, or the ambiguity of a table without a header.
-    `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
+    `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`), whose frame 1 is at t = 0.
     """
     found = read_cells(path, what, most_bytes)
     if mot is None and found.header is None and not found.rows:
@@ -93,11 +93,12 @@ def read_person_rows(
             f"{path}: lengths are read in {'m' if lengths == 1 else {10: 'dm', 100: 'cm', 1000: 'mm'}[int(lengths)]}"
         )
     units = {**{name: lengths for name in _LENGTH_COLUMNS}, **units}
-    columns = columns_of(str(path), names, found, units)
+    columns, start_ns = columns_of(str(path), names, found, units), 0
     if "t" not in names:
         like = "the seqinfo.ini of a MOT sequence says them" if mot else "15 for the ETH file, 25 for UCY's"
         rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes, like)
         columns = replace(columns, cells={**columns.cells, "t": columns.cells["frame"]}, units={**units, "t": rate_hz})
+        start_ns = mot_stamp_ns(0, rate_hz) if mot else 0
     elif (
         rest := next((name for name in columns.cells if _NANOSECONDS.fullmatch(_bare(name.lower()))), None)
     ) is not None:
@@ -106,7 +107,13 @@ def read_person_rows(
         columns = replace(columns, cells={**columns.cells, "t": t})
     if "t" in names and frame_rate_hz is not None:
         notes.append(f"{path}: holds seconds (t); {rate_field} {frame_rate_hz:g} is not used")
-    return _ordered(columns, [*notes, *_rows_in_comments(path, found, len(names))])
+    rows = _ordered(columns, [*notes, *_rows_in_comments(path, found, len(names))])
+    return replace(rows, frame_stamps_ns=rows.frame_stamps_ns + start_ns, stamps_ns=rows.stamps_ns + start_ns)
+
+
+def mot_stamp_ns(frame: int, rate_hz: float) -> int:
+    """Return the stamp of a frame of MOT text [ns]: frames count from 1, and the first is at 0."""
+    return round(NS_PER_S * frame / rate_hz) - round(NS_PER_S / rate_hz)
 
 
 def _rows_in_comments(path: Path, found: Cells, width: int) -> list[str]:

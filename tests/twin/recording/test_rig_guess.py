@@ -259,6 +259,7 @@ def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert result.stdout.split() == ["rig", str(out), "next", "twin", "check", str(out)]
     assert out.read_text().count("CHECK: no transform") == 4
+    assert "waist (trunks) from 0.7 m on, knee (legs) below. z = 0\n# means knee" in out.read_text()
     assert "round_image_raw_compressed: no CameraInfo tells a field of view" in result.stderr
     assert "/points: no sensor reads sensor_msgs/msg/PointCloud2" in result.stderr
     assert "`pointcloud_to_laserscan` makes one" in result.stderr

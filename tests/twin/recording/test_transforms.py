@@ -18,8 +18,9 @@ from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMes
 
 from trackers.area import Pose
 from trackers.errors import InputError
-from trackers.observations import Odometry
+from trackers.observations import Observation, Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Rig
+from trackers.tracks import Track
 from twin.recording.bags.bag import open_bag
 from twin.recording.losses import lines
 from twin.recording.reader import Recording
@@ -381,6 +382,44 @@ def test_poses_from_a_frame_on_another_branch_are_those_by_matrices() -> None:
     assert np.allclose(tree.poses("hand", "waist")[1], expected)
 
 
+class Standing:
+    """Reports one track at the origin of its frame."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        pass
+
+    def update(self, observation: Observation) -> None:
+        pass
+
+    def tracks(self) -> list[Track]:
+        return [Track(1, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("z", "named", "frame_id"),
+    [(0.0, "waist", "waist"), (0.4, "room", "room"), (None, "odom", "odom")],
+)
+def test_markers_of_tracks_are_in_the_frame_that_is_named(tmp_path, z, named, frame_id):
+    """A scanner is the rig's origin only where it is at no other height."""
+    on_mast = [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1), "/tf_static")]
+    path, copy, rig = bag(tmp_path, on_mast if z is None else []), tmp_path / "copy.mcap", tmp_path / "rig.yaml"
+    pose = Pose(xyz=(0, 0, z or 0.0))
+    rig.write_text(Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=pose)}).dump_yaml())
+    result = track_recording(
+        path,
+        rig_path=None if z is None else rig,
+        trackers=[f"{__name__}:Standing"],
+        out=tmp_path / "out",
+        video=False,
+        bag_copy=copy,
+        on_warning=lambda warning: None,
+    )
+    with open_bag(copy) as held:
+        (topic,) = [each for each in held.topics if each.endswith("/markers")]
+        found = {each.header.frame_id for _, _, message in held.messages([topic]) for each in message.markers}
+    assert list(result.frames.values()) == [named] and found == {frame_id}
+
+
 @pytest.mark.parametrize("changes", [False, True])
 def test_a_driving_scanners_copy_names_frames_tells_drift_and_has_one_channel_of_what_stands(tmp_path, changes):
     messages = [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1, 0.3), "/tf_static")]
@@ -401,10 +440,7 @@ def test_a_driving_scanners_copy_names_frames_tells_drift_and_has_one_channel_of
     assert "Tracks of laser-legs are in the frame odom" in page
     assert page.count('class="drive"') == 2 and page.count("<strong>Note:</strong> laser-imm takes scan to stand") == 1
     (drift,) = [each for each in told if "odom moves in map" in each]
-    assert (
-        "by up to 0.78 m and 0.0°; room, the frame of tracks, is placed in map by the first; `frame: map` of odo"
-        in drift
-    )
+    assert "by up to 0.78 m and 0.0°; room is placed in map by the first; `frame: map` of odo" in drift
     with open_bag(copy) as held:
         assert [each.topic for each in held.connections].count("/tf_static") == 1 + changes
         of_children = {

@@ -122,7 +122,9 @@ def test_tracks_are_counted_without_any_truth() -> None:
 def test_tracks_in_the_place_of_truth_are_told(tmp_path: Path) -> None:
     table = tmp_path / "tracks.csv"
     table.write_text("t,id,x,y,status\n0.0,1,0.5,0.5,confirmed\n0.1,1,0.6,0.5,coasting\n")
-    assert any("the table of truth comes first" in note for note in read_truth(table).notes)
+    assert any(
+        "is taken for truth, though its column status is one of tracks" in note for note in read_truth(table).notes
+    )
 
 
 def test_tracks_of_a_robot_near_nobody_of_the_truth_are_told_with_the_frame_in_which_they_leave(tmp_path: Path) -> None:

@@ -427,9 +427,9 @@ def test_mot_text_gives_the_metrics_of_the_tables_it_was_made_from(tmp_path: Pat
     (folder.parent / "seqinfo.ini").write_text("[Sequence]\nname=sequence\nframeRate=10\nseqLength=4\n")
     (tmp_path / "tracks.txt").write_text("1,7,-1,-1,-1,-1,1,0,0.1,0\n4,7,-1,-1,-1,-1,1,3,3,0\n")
     (tmp_path / "truth.csv").write_text(
-        "y,t,x,id,in_area\n0,0.1,0,ann,1\n0,0.2,0.1,ann,1\n5,0.2,5,bob,0\n,0.3,,,\n,0.4,,,\n"
+        "y,t,x,id,in_area\n0,0,0,ann,1\n0,0.1,0.1,ann,1\n5,0.1,5,bob,0\n,0.2,,,\n,0.3,,,\n"
     )
-    (tmp_path / "tracks.csv").write_text("id,x,y,t\nu,0,0.1,0.1\n,,,0.2\n,,,0.3\nu,3,3,0.4\n")
+    (tmp_path / "tracks.csv").write_text("id,x,y,t\nu,0,0.1,0\n,,,0.1\n,,,0.2\nu,3,3,0.3\n")
 
     def evaluated(*arguments: str) -> tuple[dict, str]:
         result = CliRunner().invoke(app, ["evaluate", *arguments])
@@ -440,7 +440,7 @@ def test_mot_text_gives_the_metrics_of_the_tables_it_was_made_from(tmp_path: Pat
     of_tables, _ = evaluated(str(tmp_path / "truth.csv"), str(tmp_path / "tracks.csv"))
     assert of_text == of_tables
     assert (of_text["misses"], of_text["false_positives"]) == (1, 1)
-    assert "4 frames judged, 0.1 to 0.4 s" in told and "seqinfo.ini: 10 frames a second, 4 frames\n" in told
+    assert "4 frames judged, 0 to 0.3 s" in told and "seqinfo.ini: 10 frames a second, 4 frames\n" in told
 
     text, info = (folder / "gt.txt").read_text(), (folder.parent / "seqinfo.ini").read_text()
     for number, (place, of_info) in enumerate(

@@ -11,6 +11,7 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
+from trackers.rig_sensors import WAIST_FROM_M
 from trackers.user_input.text_file import AnyPath, read_text
 from twin.recording.bags.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
@@ -127,6 +128,10 @@ def _name_of(topic: str) -> str:
 
 _UNDECIDED = "CHECK"
 """Marks the lines of a written rig.yaml that the bag does not decide."""
+_HEIGHT_DECIDES = (
+    f"# The height of a scanner (z of xyz) decides its role: waist (trunks) from {WAIST_FROM_M:g} m on, knee (legs) below. z = 0",
+    "# means knee too, but waist to a tracker of trunks alone. `role: waist` or `role: knee` beside the pose decides instead.",
+)
 _DEPTHS = ("16UC1", "32FC1", "mono16", "compressedDepth")
 """Encodings of depth pictures, whole or as part of a compressed picture's format."""
 
@@ -164,6 +169,7 @@ def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[
         head = [
             f"# Sensors of {path.name} ({bag.duration_s:.0f} s), as its messages tell them. {_UNDECIDED}: they do not.",
             "# Lengths in metres; rpy: roll, pitch, yaw about fixed axes, in radians. `twin schema rig` lists all fields.",
+            *(_HEIGHT_DECIDES if "    kind: laser" in found.lines else ()),
             "sensors:",
         ]
         area = "# area: [[-2, -2], [2, -2], [2, 2], [-2, 2]]  # polygon in which people are tracked; none: everywhere"
