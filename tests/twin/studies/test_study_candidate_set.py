@@ -153,6 +153,7 @@ def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(
     write_scenario(path, load_scenario(own_file), moved, own_file, "there", "moved")
     loaded = load_scenario(path)
     assert loaded.sensors == moved.sensors and loaded.faults == moved.faults and loaded.main_sensor == "scanner-2"
+    del ready  # before the other is made
     one_sensor = {"finder": {"sensors": ["west"], "places": places, "count": [1, 3]}}
     ready = prepared(tmp_path, devices=one_sensor, scenarios=[{"scenario": "late.yaml"}], trackers=["sort"])
     renamed = apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))

@@ -69,9 +69,10 @@ def test_a_person_of_a_file_is_seen_at_every_stamp(tmp_path: Path) -> None:
         alone = SampledWorld(scenario, precomputed, [t])
         alone_seen.append(visibility.people(alone))
         alone_floor.append(visibility.floor(alone, cells))
+        assert resolution.tolist() == visibility.resolution(alone.empty(), cells).tolist()
+        del alone
     assert seen.tolist() == np.concatenate(alone_seen).tolist()
     assert floor.tolist() == np.concatenate(alone_floor).tolist()
-    assert resolution.tolist() == visibility.resolution(alone.empty(), cells).tolist()
 
 
 def test_a_camera_sees_heads_at_pixels_a_metre(sampled: SampledWorld) -> None:
