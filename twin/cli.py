@@ -69,7 +69,7 @@ app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/l
 app.command(epilog="Example: twin export out/lab-five-people-0 --format mot --out out/lab-mot")(export)
 app.command(name="list", epilog="Example: twin list rooms; twin list trackers --cite")(list_)
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
-app.command(epilog="Example: twin check; twin check office.yaml; twin check my_lab:Mine")(check)
+app.command(epilog="Example: twin check; twin check office.xml office.yaml; twin check my_lab:Mine")(check)
 app.add_typer(new, name="new")
 app.add_typer(suite_app, name="suite")
 app.add_typer(study_app, name="study")

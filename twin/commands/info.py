@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,8 +21,8 @@ from twin.command_options import (
     print_listed,
     shipped,
 )
-from twin.commands.memory import EXIT_FELL_SHORT
-from twin.messages import printable
+from twin.commands.memory import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FELL_SHORT
+from twin.messages import printable, sentence
 
 _SCHEMAS = {
     "scenario": "twin.scenario.load:DrawableScenarioFile",
@@ -30,8 +30,6 @@ _SCHEMAS = {
     "study": "twin.studies.spec:Study",
     "rig": "trackers.rig:Rig",
 }
-_SIDE_PX = 400
-_FRAMES = 5
 _CHECKED_S = 4.0
 _PLACES = 200
 """Number of places to stand, drawn at random, that a room must have."""
@@ -107,11 +105,11 @@ def schema(
 
 
 def check(
-    subject: Annotated[
-        str | None,
+    subjects: Annotated[
+        list[str] | None,
         typer.Argument(
-            metavar="[FILE|NAME]",
-            help="A scenario, room, suite, study or rig, as a file or by its shipped name; a tracker or a sensor as "
+            metavar="[FILE|NAME]...",
+            help="Scenarios, rooms, suites, studies or rigs, as files or by their shipped names; trackers or sensors as "
             "module:name. Default: this machine.",
             autocompletion=shipped("scenarios", "rooms", "suites", "studies"),
         ),
@@ -127,27 +125,52 @@ def check(
         bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that a suite or a study names.")
     ] = False,
 ) -> None:
-    """Check a file without running it, the contract of a tracker or a sensor, or that this machine renders."""
+    """Check files without running them, the contract of a tracker or a sensor, or that this machine renders.
+
+    Of several, all are checked; the exit code is the greatest of theirs.
+    """
     from twin.run.inputs import import_from_here
 
-    if sum(each is not None for each in (subject, tracker, sensor)) > 1:
+    if sum(bool(each) for each in (subjects, tracker, sensor)) > 1:
         raise InputError("FILE, --tracker, --sensor: one of the three is expected")
-    import_from_here([subject or "", tracker or "", sensor or ""], files_trusted=allow_plugins)
-    if subject is not None:
-        kind = kind_of(subject)
-        if kind not in ("tracker", "sensor"):
-            typer.echo(printable(f"{subject}: {checked_file(kind, subject, allow_plugins)}"))
-            _print_faults(subject, room_faults(subject) if kind == "room" else [])
-            return
-        tracker, sensor = (subject, None) if kind == "tracker" else (None, subject)
-    if tracker is None and sensor is None:
+    import_from_here([*(subjects or ()), tracker or "", sensor or ""], files_trusted=allow_plugins)
+    if tracker is not None or sensor is not None:
+        _check_contract("tracker" if tracker is not None else "sensor", tracker or sensor or "")
+    elif not subjects:
         for line in check_machine():
             typer.echo(line)
+    elif len(subjects) == 1:
+        _check_subject(subjects[0], allow_plugins)
+    elif code := max(_code_of_check(each, allow_plugins) for each in subjects):
+        raise typer.Exit(code)
+
+
+def _code_of_check(subject: str, allow_plugins: bool) -> int:
+    """Check one of several; return its exit code, its error printed."""
+    try:
+        _check_subject(subject, allow_plugins)
+    except (InputError, PlugInError) as error:
+        sys.stdout.flush()
+        sys.stderr.write(f"twin: {sentence(str(error))}\n")
+        return EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FELL_SHORT
+    except typer.Exit as end:
+        return end.exit_code
+    return EXIT_DONE
+
+
+def _check_subject(subject: str, allow_plugins: bool) -> None:
+    kind = kind_of(subject)
+    if kind in ("tracker", "sensor"):
+        _check_contract(kind, subject)
         return
-    name = tracker or sensor or ""
-    faults, tried = check_own_tracker(name) if tracker is not None else (check_own_sensor(name), "")
+    typer.echo(printable(f"{subject}: {checked_file(kind, subject, allow_plugins)}"))
+    _print_faults(subject, room_faults(subject) if kind == "room" else [])
+
+
+def _check_contract(kind: str, name: str) -> None:
+    faults, tried = check_own_tracker(name) if kind == "tracker" else (check_own_sensor(name), "")
     _print_faults(name, faults)
-    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}{tried}")
+    typer.echo(f"{name}: keeps the contract of a {kind}{tried}")
 
 
 def _print_faults(name: str, faults: list[str]) -> None:
@@ -316,30 +339,12 @@ def check_own_sensor(name: str) -> list[str]:
 
 def check_machine() -> Iterator[str]:
     """Yield one line per item checked; raise InputError, with a remedy, where the machine cannot render."""
-    import mujoco
-    import numpy as np
+    from importlib.metadata import version
 
     from twin import models
-    from twin.sensors.render import OffscreenRenderer
-    from twin.sensors.render_scene import RenderView
+    from twin.sensors.check import check_rendering
 
     yield f"roomtwin    {version_of('roomtwin')}"
-    yield f"mujoco      {mujoco.__version__}"
-    model = mujoco.MjModel.from_xml_path(str(models.find("rooms", "lab")))
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_camlight(model, data)
-    with OffscreenRenderer(model) as renderer:
-        info = renderer.gl_info()
-        yield f"renderer    {info.renderer}"
-        yield f"OpenGL      {info.version}"
-        pixels = np.zeros((_SIDE_PX, _SIDE_PX, 4), dtype=np.uint8)
-        ahead = RenderView((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), -1.0, 1.0, -1.0, 1.0, (0, 0, _SIDE_PX, _SIDE_PX))
-        eye_m = np.array([0.0, 0.0, 1.05])
-        spent_ms = []
-        for _ in range(_FRAMES):
-            start = time.perf_counter()
-            renderer.render(data, eye_m, [ahead], pixels)
-            spent_ms.append(1e3 * (time.perf_counter() - start))
-    yield f"frame time  {np.median(spent_ms):.1f} ms for {_SIDE_PX} × {_SIDE_PX} of the lab"
+    yield f"mujoco      {version('mujoco')}"
+    yield from check_rendering(models.find("rooms", "lab"))
     yield "this machine can render"

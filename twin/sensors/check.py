@@ -1,10 +1,12 @@
-"""Contract check of a user's sensor, for its author."""
+"""Checks of a user's sensor by the contract, for its author, and of rendering on this machine."""
 
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,9 @@ _STAMPS_NS = (0, 100_000_000, 200_000_000)
 _SEED = 20_240_601
 _PARTS = ("name", "instants_s", "observe", "rig_sensor")
 _SAME_LOAD_N = 1e-6
+_SIDE_PX = 400
+_FRAMES = 5
+"""Number of frames timed, of which the median is printed."""
 
 
 def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
@@ -243,3 +248,28 @@ def _floor_faults(frame: FloorFrame, truth: dict[str, NDArray], rig: FloorSensor
     if np.abs(by_cell - load_n).max() > _SAME_LOAD_N:
         faults.append("load_n is not the sum of the newtons that people put on each cell")
     return faults
+
+
+def check_rendering(room: Path) -> Iterator[str]:
+    """Yield renderer, version of OpenGL and time of a frame of a room; raise InputError, with a remedy, where none renders."""
+    import mujoco
+
+    from twin.sensors.render import OffscreenRenderer
+    from twin.sensors.render_scene import RenderView
+
+    model = mujoco.MjModel.from_xml_path(str(room))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    with OffscreenRenderer(model) as renderer:
+        info = renderer.gl_info()
+        yield f"renderer    {info.renderer}"
+        yield f"OpenGL      {info.version}"
+        pixels = np.zeros((_SIDE_PX, _SIDE_PX, 4), dtype=np.uint8)
+        ahead = RenderView((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), -1.0, 1.0, -1.0, 1.0, (0, 0, _SIDE_PX, _SIDE_PX))
+        spent_ms = []
+        for _ in range(_FRAMES):
+            start = time.perf_counter()
+            renderer.render(data, np.array([0.0, 0.0, 1.05]), [ahead], pixels)
+            spent_ms.append(1e3 * (time.perf_counter() - start))
+    yield f"frame time  {np.median(spent_ms):.1f} ms for {_SIDE_PX} × {_SIDE_PX} of the {room.stem}"

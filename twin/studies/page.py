@@ -81,7 +81,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         "has_intervals": len(results.best.seeds) >= FEWEST,
         "fewest_seeds": FEWEST,
         "maps": _maps(results, scenario, sensors),
-        "area_warning": results.area_warning,
+        "coverage_warnings": [each for each in (results.area_warning, results.saturation) if each],
         "trial_map": _trial_map(results, sensors),
         "objective": objective,
         "validated": study.validated,

@@ -33,7 +33,7 @@ from twin.studies.visibility import (
     SensorVisibility,
     floor_resolution,
     looking_sensors,
-    unvisited_warning,
+    saturation_hint,
     visited_cells,
 )
 from twin.suites.cache import RecordingCache
@@ -120,7 +120,14 @@ class StudyResults:
             return ""
         targets = self.coverage.targets
         visited = visited_cells(targets.sampled_worlds, self.floor.cells)
-        return unvisited_warning(visited, self.floor.n_seeing > 0, targets.n)
+        return self.floor.unvisited_warning(visited, targets.n)
+
+    @property
+    def saturation(self) -> str:
+        """A hint where the recommended placement covers all, by which coverage tells it from no other that does; "" otherwise."""
+        covers = any(each.kind == "coverage" for each in self.prepared.study.objectives)
+        is_all = covers and self.best.coverage is not None and self.best.coverage >= 1
+        return saturation_hint(self.prepared.study.coverage, self.coverage.targets.n) if is_all else ""
 
     def scenario_with(self, placement: Placement) -> Scenario:
         """Return the study's first scenario with a placement applied."""
@@ -169,6 +176,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
         ],
         "warnings": list(results.warnings),
         **({"area_warning": results.area_warning} if results.area_warning else {}),
+        **({"saturation": results.saturation} if results.saturation else {}),
         "rejected": results.prepared.candidate_set.rejected,
         "candidates": len(results.result.trials),
         **({"evaluated_in_this_run": results.n_evaluated} if results.prepared.trackers else {}),
@@ -312,8 +320,9 @@ def _print(console: Console, found: dict[str, Any]) -> None:
         console.print(f"coverage of {devices}: {found_by}")
     for row in found["displaced"]:
         console.print(f"displaced by {row['what']}: {_interval(row)}")
-    if warning := found.get("area_warning"):
-        print_warning(warning)
+    for name in ("area_warning", "saturation"):
+        if warning := found.get(name):
+            print_warning(warning)
     if found["indistinguishable"]:
         few = "" if found["best"].get("seeds", 0) >= FEWEST else f": fewer than {FEWEST} seeds give no interval"
         console.print(f"placements not distinguishable from the best: {len(found['indistinguishable'])}{few}")

@@ -48,7 +48,6 @@ from twin.studies.visibility import (
     is_scanner,
     looking_sensors,
     packed,
-    unvisited_warning,
     visited_cells,
 )
 from twin.suites.cache import RecordingCache, cache_limit_bytes
@@ -197,7 +196,7 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
         "area_unseen": float((~seen).mean()),
         "area_unseen_unvisited": float((~seen & ~visited).mean()),
         "warnings": [
-            *filter(None, [unvisited_warning(visited, seen, sampled.n_person_frame)]),
+            *filter(None, [floor.unvisited_warning(visited, sampled.n_person_frame)]),
             *floor.blind_warnings(scenario),
         ],
         "people_seen_by_at_least": {str(k): count_bits(at_least(bits, k)) / n for k in range(1, len(names) + 1)},

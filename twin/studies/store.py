@@ -164,23 +164,27 @@ def _is_started(path: Path, head: Mapping[str, Any], resume: bool) -> bool:
     folder, study = path.parent, head["study"]
     check_others(folder, WRITTEN, FILE)
     before = _head(path)
-    if before is not None and not resume:
-        raise InputError(
-            f"--out {folder}: holds the results of an earlier run; --resume, or another folder, is expected"
-        )
     if before is None and resume:
         raise InputError(f"--resume: {folder}: there is nothing to resume; a folder of an interrupted run is expected")
-    if before is not None and before.get("code") != head["code"]:
+    if before is None:
+        return False
+    where = f"--resume: {path}" if resume else f"--out {folder}"
+    if before.get("code") != head["code"]:
         raise InputError(
-            f"--resume: {path}: was made by other code, and results of two versions must not mix; another folder is expected"
+            f"{where}: was made by other code, and results of two versions must not mix; another folder is expected"
         )
-    if before is not None and before.get("study") != json.loads(json.dumps(study)):
-        changed = [key for key in study if before["study"].get(key) != json.loads(json.dumps(study[key]))]
+    if before.get("study") != (asked := json.loads(json.dumps(study))):
+        changed = [key for key in (*asked, *before["study"]) if before["study"].get(key) != asked.get(key)]
         raise InputError(
-            f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are missing'} changed); the same "
-            "study, or another folder, is expected"
+            f"{where}: was made of another study ({', '.join(dict.fromkeys(changed)) or 'some fields are missing'} changed); "
+            "the same study, or another folder, is expected"
         )
-    return before is not None
+    if not resume:
+        raise InputError(
+            f"--out {folder}: holds the results of an earlier run of the same study; --resume to do the rest of it, or another "
+            "folder, is expected"
+        )
+    return True
 
 
 @contextmanager

@@ -22,6 +22,8 @@ from twin.studies.trials import Trial, TrialRunner, losses, placement_id
 from twin.suites.metrics import MeanOverSeeds, mean_over_seeds
 
 DISPLACEMENTS = (("5 cm", 0.05, 0.0), ("2°", 0.0, 2.0))
+_FEWEST_RANKED = 10
+"""Trials below which a rank correlation is noise."""
 NOISE_M = 0.001
 """Negligible displacement, whose effect is the noise of the metric [m]."""
 
@@ -76,9 +78,9 @@ def indistinguishable(
 def rank_correlations(
     trials: Sequence[Trial], candidate_set: CandidateSet, objective: Objective, study: Study
 ) -> list[tuple[str, float, int]]:
-    """Correlate the first objective with number, height, position and price over all trials (Spearman)."""
+    """Correlate the first objective with number, height, position and price over all trials (Spearman); nothing for few."""
     tried = [each for each in trials if not each.failure and each.placement != BASELINE]
-    if len(tried) < 5:
+    if len(tried) < _FEWEST_RANKED:
         return []
     from scipy.stats import spearmanr  # takes a while to load
 

@@ -219,14 +219,17 @@ def visited_cells(sampled: Sequence[SampledWorld], cells_m: Array) -> Mask:
     return np.isfinite(gap_m)
 
 
-def unvisited_warning(visited: Mask, seen: Mask, n_person_frame: int) -> str:
-    """Return a warning about cells (n,) that no sensor sees and no person visited; "" for few."""
-    hidden, blind = float((~seen).mean()), float((~seen & ~visited).mean())
-    if blind <= _FEW:
-        return ""
+def saturation_hint(coverage: Coverage, n: int) -> str:
+    """Return what to try where a placement covers all n targets, and coverage tells none of such placements apart."""
+    if coverage.of == "people":
+        return (
+            f"coverage: every one of {n} person-frames is seen, as from any placement that is as good; to tell them apart try "
+            f"`of: floor`, or more `samples` (now {coverage.samples})"
+        )
+    people = "" if coverage.samples else "people in the way (`samples`), "
     return (
-        f"no sensor sees {100 * hidden:.1f} % of the area; {100 * blind:.1f} % of the area are unseen and were never visited "
-        f"in the {n_person_frame} person-frames. Shares of person-frames leave that part out; shares of the floor count it"
+        "coverage: every cell of the floor is seen, as from any placement that is as good; to tell them apart try "
+        f"{people}more `beams` or `px_per_m`, or `at_least: {coverage.at_least + 1}`"
     )
 
 
@@ -286,6 +289,25 @@ class FloorResolution:
                     "sensor, or one nearer by)"
                 )
         return found
+
+    def unvisited_warning(self, visited: Mask, n_person_frame: int) -> str:
+        """Return a warning about cells that no sensor sees and no person visited, (k,); "" for few."""
+        blind_cells = self.n_seeing == 0
+        missed = float((blind_cells & ~visited).mean())
+        if missed <= _FEW:
+            return ""
+        blind_share, apart = f"{100 * blind_cells.mean():.1f} %", f"{100 * missed:.1f} %"
+        met = np.any([each > 0 for each in self.of_sensor.values()], axis=0)
+        causes = [
+            ("hidden, or beyond every range and view", blind_cells & ~met),
+            ("with too few beams or pixels", blind_cells & met),
+        ]
+        why = ", ".join(f"{100 * cells.mean():.1f} % {cause}" for cause, cells in causes if cells.any())
+        rest = "none of it was" if blind_share == apart else f"{apart} of the area are unseen and were never"
+        return (
+            f"no sensor sees {blind_share} of the area ({why}); {rest} visited in the {n_person_frame} person-frames. Shares of "
+            "person-frames leave that part out; shares of the floor count it"
+        )
 
     def best_of_kind(self, scenario: Scenario) -> Iterator[tuple[bool, list[str], Array, float]]:
         """Yield scanners, then cameras, if any: whether scanners, names, the best resolution (k,), and the least."""

@@ -114,6 +114,15 @@ def test_check_knows_the_kind_of_a_file(here: Path, kind: str) -> None:
     assert isinstance(CliRunner().invoke(app, ["check", file]).exception, InputError)
 
 
+def test_check_reports_every_one_of_several_files(here: Path) -> None:
+    _twin("new", "study", "--out", "good.yaml")
+    Path("bad.yaml").write_text(Path("good.yaml").read_text().replace("name:", "nam:", 1))
+    result = CliRunner().invoke(app, ["check", "bad.yaml", "good.yaml", "nothing"])
+    assert result.exit_code == 2 and "good.yaml: a valid study; " in result.stdout
+    for name in ("bad.yaml", "nothing"):
+        assert f"twin: {name}: " in result.stderr
+
+
 @pytest.mark.parametrize(
     ("room", "xyz"), [("lab", "[0, 99, 1]"), ("lab", "[0, 0, 9]"), ("meeting_room", "[50, 50, 1]")]
 )

@@ -177,7 +177,7 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
             run(path, tmp_path / "out")
     with (tmp_path / "out" / store.FILE).open("a") as stream:
         stream.write('{"id": "half a li')  # as a kill in the middle of writing leaves it
-    with pytest.raises(InputError, match="holds the results of an earlier run; --resume"):
+    with pytest.raises(InputError, match="holds the results of an earlier run of the same study; --resume"):
         run(path, tmp_path / "out")
     run(path, tmp_path / "out", resume=True)
     assert tables(tmp_path / "out") == tables(before)
@@ -223,8 +223,11 @@ def test_another_study_or_code_is_not_resumed(
     path, before, _ = whole
     monkeypatch.setattr(TrialRunner, "check_metrics", lambda self: pytest.fail("an evaluation was begun"))
     other = written(tmp_path, search__candidates=7)
-    with pytest.raises(InputError, match=r"was made of another study \(search changed\)"):
-        run(other, before, resume=True)
+    for resume, named in ((True, "--resume"), (False, "--out")):  # without --resume it is not advised
+        with pytest.raises(
+            InputError, match=rf"{named}.*: was made of another study \(search changed\); [^-]*is expected"
+        ):
+            run(other, before, resume=resume)
     with pytest.raises(InputError, match="there is nothing to resume"):
         run(path, tmp_path / "nothing", resume=True)
     with pytest.raises(InputError, match="--out .*: cannot be written"):
@@ -232,8 +235,9 @@ def test_another_study_or_code_is_not_resumed(
     with pytest.raises(InputError, match="holds the results of an earlier run"):
         run(path, before)
     monkeypatch.setattr(store, "whole_code", lambda: "0123")
-    with pytest.raises(InputError, match="was made by other code"):
-        run(path, before, resume=True)
+    for resume in (True, False):
+        with pytest.raises(InputError, match="was made by other code"):
+            run(path, before, resume=resume)
 
 
 def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
@@ -307,12 +311,16 @@ def test_of_placements_that_cover_alike_the_cheapest_is_recommended(tmp_path: Pa
     assert summary["best"]["price"] < summary["baseline"]["price"]
 
 
-def test_a_number_of_devices_that_another_beats_is_shown_too(tmp_path: Path) -> None:
-    """One rig sees all that two do: two are dominated, and yet have been searched."""
+def test_a_number_of_devices_that_another_beats_is_shown_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One rig sees all that two do: two are dominated, and yet have been searched. What would tell them apart is said."""
     path = written(tmp_path, **ONE_RIG_SEES_ALL)
     summary = run(path, tmp_path / "out")
     assert {row["price"] for row in summary["pareto"]} == {1500}
     assert [(row["price"], row["coverage"]) for row in summary["best_of_each_count"]] == [(1500, 1.0), (3000, 1.0)]
+    print_summary(tmp_path / "out")
+    assert "to tell them apart try `of: floor`, or more `samples` (now 2)" in capsys.readouterr().err
 
 
 def test_a_tracker_that_no_objective_uses_is_run_beside_the_search(
@@ -341,7 +349,8 @@ def test_coverage_that_no_placement_reaches_is_told(tmp_path: Path, capsys: pyte
         search={"method": "greedy"},
         coverage={"samples": 4, "seeds": [1950], "at_least": 8},
     )
-    assert run(path, tmp_path / "out")["best"]["coverage"] == 0
+    summary = run(path, tmp_path / "out")
+    assert summary["best"]["coverage"] == 0 and "saturation" not in summary
     told = capsys.readouterr().err
     assert "coverage: no placement shows anything as it asks: by at least 8" in told and "devices.rig" not in told
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -17,7 +18,6 @@ from twin.studies.visibility import (
     SensorVisibility,
     WorldSample,
     floor_cells,
-    unvisited_warning,
     visited_cells,
 )
 from twin.world.body_pool import body_pools
@@ -114,13 +114,15 @@ def test_a_part_of_the_area_that_nobody_visited_and_no_sensor_sees_is_warned_of(
     cells = np.array([[0.3, 0.3], [2.0, 0.4], [1.0, 0.0], [5.0, 5.0]])
     visited = visited_cells([world], cells)
     assert visited.tolist() == [True, True, False, False]
-    assert not unvisited_warning(visited, np.array([False, True, True, True]), 2)
-    warning = unvisited_warning(visited, np.array([False, True, True, False]), 2)
-    assert (
-        "50.0 % of the area" in warning
-        and "25.0 % of the area are unseen and were never visited" in warning
-        and "2 person-frames" in warning
-    )
+
+    def warning(*beams: float) -> str:
+        return FloorResolution(cells, 0.1, {"low": np.array(beams)}, {"low": 6.0}).unvisited_warning(visited, 2)
+
+    assert not warning(0, 9, 9, 9)
+    both = warning(3, 9, 9, 0)
+    assert "sees 50.0 % of the area (25.0 % hidden, or beyond every range and view, 25.0 % with too few beams" in both
+    assert "; 25.0 % of the area are unseen and were never visited in the 2 person-frames." in both
+    assert re.findall(r"[\d.]+ %", warning(9, 9, 9, 5)) == ["25.0 %"] * 2  # of the area, and by its one cause
     assert not visited_cells([], cells).any()
 
 
