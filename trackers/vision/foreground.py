@@ -73,6 +73,14 @@ class ForegroundOptions(Strict):
     least_area_px: NonNegativeInt = Field(default=60, description="a smaller region is removed [px]")
 
 
+def checked_rgb(image: Image | DepthImage, intrinsics: Intrinsics) -> Bytes:
+    """Return the colours of a picture (height, width, 3). Raises InputError for another size than the camera's."""
+    shape = (intrinsics.height, intrinsics.width, 3)
+    if image.rgb.shape != shape:
+        raise InputError(f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {shape}")
+    return image.rgb
+
+
 class Foreground:
     """Foreground masks of one camera, with a background from pictures of the empty room or learned.
 
@@ -89,7 +97,7 @@ class Foreground:
     ) -> None:
         self.options = options
         self._may_be_shaded = may_be_shaded
-        self._shape = (intrinsics.height, intrinsics.width, 3)
+        self._intrinsics = intrinsics
         self.learns_background = not empty_room
         self._levels: Singles | None = None  # of the learned background, RGB
         self._t: float | None = None
@@ -116,11 +124,7 @@ class Foreground:
             self._learned(self._checked(image), image.t)
 
     def _checked(self, image: Image | DepthImage) -> Bytes:
-        if image.rgb.shape != self._shape:
-            raise InputError(
-                f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {self._shape}"
-            )
-        return image.rgb
+        return checked_rgb(image, self._intrinsics)
 
     def _learned(self, rgb: UInt8[Bytes, "height width 3"], t: float) -> _Background:
         """Return the background before this picture, and learn from it if it is newer than the last."""

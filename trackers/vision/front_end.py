@@ -28,7 +28,7 @@ from trackers.configuration import Strict
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
 from trackers.vision.colour_bins import Hsv, hsv_of
-from trackers.vision.foreground import Foreground, ForegroundOptions, shows_floor
+from trackers.vision.foreground import Foreground, ForegroundOptions, checked_rgb, shows_floor
 
 Picture = TypeVar("Picture", bound=Image | DepthImage)
 
@@ -87,7 +87,8 @@ class CameraFrontEnd:
         self.camera = placed_camera(sensor)
         shown = [each for each in empty_room if each.sensor == name and isinstance(each, Image | DepthImage)]
         self._tolerance = options.exposure_tolerance
-        self._gain = _gain_of(shown[-1].rgb) if shown and self._tolerance else 1.0
+        last = [checked_rgb(each, sensor.intrinsics) for each in shown][-1:]
+        self._gain = _gain_of(last[0]) if last and self._tolerance else 1.0
         self.empty_room = [_scaled(each, self._gain) for each in shown]
         floor = shows_floor(self.camera, area) if options.shadow_region == "floor" else None
         self._foreground = Foreground(sensor.intrinsics, self.empty_room, options.foreground, floor)
@@ -113,6 +114,7 @@ class CameraFrontEnd:
 
     def normalize_exposure(self, image: Picture) -> Picture:
         """Scale the picture's brightness to that of a lit room, and to that of the empty one after a change of light."""
+        checked_rgb(image, self.camera.intrinsics)
         image = _scaled(image, self._gain)
         before, brightness = self._brightness, _brightness(image.rgb)
         if before is None or not self._tolerance or brightness.shape != before.shape:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from synthetic_view import picture, rig
 
+from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
 
@@ -47,3 +48,16 @@ def test_an_empty_room_in_full_darkness_is_lightened_within_bounds() -> None:
     prepared = front_end.prepare(replace(nobody, rgb=np.full((240, 320, 3), 1, np.uint8)))
     assert prepared is not None
     assert prepared.image.rgb.max() <= 10
+
+
+@pytest.mark.parametrize("size", [(0, 0), (0, 320), (24, 32)])
+def test_a_picture_of_another_size_is_refused_in_a_dark_room_too(size: tuple[int, int]) -> None:
+    """The size is compared before the exposure: a picture without pixels has none to lighten."""
+    camera, dark = rig().cameras()["camera"], Image("camera", 0, np.full((240, 320, 3), 20, np.uint8))
+    other = replace(dark, rgb=np.zeros((*size, 3), np.uint8))
+    with pytest.raises(InputError, match="the rig's intrinsics say"):
+        CameraFrontEnd("camera", camera, [dark, other], FrontEndOptions())
+    front_end = CameraFrontEnd("camera", camera, [dark], FrontEndOptions())
+    for look in (front_end.prepare, front_end.pass_over):
+        with pytest.raises(InputError, match="the rig's intrinsics say"):
+            look(other)
