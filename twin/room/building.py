@@ -31,6 +31,13 @@ _DRAWN_M = 0.1
 _UPRIGHT = 0.99
 """Least horizontal component of an upright wall's normal."""
 
+_STRAIGHT, _LEAST_FACE_M = 0.999, 0.3
+"""Cosine between an axis and what faces a wall across it, and the least length of the wall [m]."""
+_RAY_M, _LOOKED_AT_M = 0.15, 1.2
+"""Distance before a wall, and height, from which rays find its face [m]."""
+_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Places of the rays along a wall."""
+
 
 @dataclass(frozen=True, eq=False)
 class Building:
@@ -161,6 +168,25 @@ class Building:
                 is_this = abs(wall_m - gap[edge]) < _DRAWN_M
                 found.append((wall_m, foot[edge], wall) if is_this else (float(gap[edge]), foot[edge], unit[edge]))
         return found[:2]
+
+    def faces_m(self, axis: int) -> Array | None:
+        """Return the faces (2,) [m] of the outermost walls across an axis; None where a side has no such wall."""
+        ends = np.roll(self.outline, -1, axis=0)
+        way = ends - self.outline
+        length = np.hypot(way[:, 0], way[:, 1])
+        outwards = np.column_stack([way[:, 1], -way[:, 0]]) / length[:, None]
+        faces = []
+        for side in (-1, 1):
+            found = []
+            for edge in np.flatnonzero((side * outwards[:, axis] > _STRAIGHT) & (length > _LEAST_FACE_M)):
+                for share in _SHARES:  # a picture on the wall is not its face
+                    inside = self.outline[edge] + share * way[edge] - _RAY_M * outwards[edge]
+                    wall_m = self._free_m(np.append(inside, _LOOKED_AT_M), np.append(outwards[edge], 0.0))
+                    found += [inside[axis] * side + wall_m] * (abs(wall_m - _RAY_M) < _DRAWN_M)
+            if not found:
+                return None
+            faces.append(side * max(found))
+        return np.array(faces)
 
     def _wall_behind(self, place_m: Array, along: Array) -> tuple[float, Array]:
         """Return the distance [m] to the surface behind an edge of the outline, perpendicular to it, and its direction (2,)."""

@@ -189,7 +189,7 @@ def rejection_reasons(
 
 
 def keep_free_zones(constraints: Constraints, building: Building, source: str) -> tuple[KeepFreeZone, ...]:
-    """Return the zones without devices as polygons, one per doorway of those by doors.
+    """Return the zones without devices as polygons, one per doorway of those by doors, which keep their distance.
 
     Raises InputError, naming `source`, where the room has no doorway.
     """
@@ -207,9 +207,7 @@ def keep_free_zones(constraints: Constraints, building: Building, source: str) -
             corners = tuple((float(x), float(y)) for x, y in door.zone(zone.doors_m).round(4))
             top_m = None if np.isinf(door.top_m) else door.top_m
             zones.append(
-                zone.model_copy(
-                    update={"polygon": corners, "doors_m": None, "to_m": top_m if zone.to_m is None else zone.to_m}
-                )
+                zone.model_copy(update={"polygon": corners, "to_m": top_m if zone.to_m is None else zone.to_m})
             )
     return tuple(zones)
 

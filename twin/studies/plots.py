@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -27,6 +28,13 @@ _WALL_M = 0.4
 """Thickness from which what is as high as a wall is drawn as furniture, a wardrobe for instance [m]."""
 DOT_PT = 9.5
 ACCENT, OLD = "#b5341f", "#98a0ac"
+TEXT_PT = 7.0
+"""Size of all text on the plan."""
+LETTER_EM, LINE_EM = 0.6, 1.45
+"""Width of a letter, and height of a line, of the text's size."""
+_LABEL: dict[str, Any] = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
+_OVER_TEXT = 1000.0
+"""Cost of a label over another, beside that of a point that it covers: 1."""
 _SAME_WAY, _SAME_M = 0.999, 0.15
 """Cosine between the directions of walls that are in one line, and greatest distance between them [m]."""
 
@@ -56,14 +64,32 @@ class PlanSensor:
     walls: tuple[WallDistance, ...]
     """The nearest two walls that are not parallel."""
 
+    @property
+    def yaw(self) -> str:
+        """The yaw as written wherever the sensor is on the page."""
+        return f"{format_number(self.yaw_deg, 0)}°"
+
     def label(self) -> str:
         """Format name and yaw."""
-        return f"{self.name} {format_number(self.yaw_deg, 0)}°"
+        return f"{self.name} {self.yaw}"
+
+    def from_wall(self) -> str:
+        """Format the direction as seen with one's back to the nearest wall: the angle from straight off it."""
+        if not self.walls:
+            return "–"
+        wall = self.walls[0]
+        straight_deg = np.rad2deg(np.arctan2(wall.along[0], -wall.along[1]))
+        turn = round(float((self.yaw_deg - straight_deg + 180) % 360 - 180))
+        return (
+            f"{abs(turn)}° {'left' if turn > 0 else 'right'} of straight off {wall.letter}"
+            if turn
+            else f"straight off {wall.letter}"
+        )
 
     def lines(self) -> tuple[str, str]:
         """Format what the plan says beside the sensor: name; height, yaw, and a tilt."""
         tilt = f", tilt {format_number(self.tilt_deg, 0)}°" if round(self.tilt_deg) else ""
-        return self.name, f"h {self.height_m:.2f} m, {format_number(self.yaw_deg, 0)}°{tilt}"
+        return self.name, f"h {self.height_m:.2f} m, {self.yaw}{tilt}"
 
     def ahead(self, reach_m: float) -> tuple[float, float]:
         """Return the point at this distance [m] ahead of the sensor on the plan."""
@@ -92,6 +118,22 @@ def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -
     return rows
 
 
+def wall_middles(sensors: Sequence[PlanSensor], building: Building) -> dict[str, tuple[Array, Array]]:
+    """Return the middle (2,) [m] and direction (2,) of each lettered wall: of its longest piece on the outline."""
+    found: dict[str, tuple[Array, Array]] = {}
+    start, end = building.outline, np.roll(building.outline, -1, axis=0)
+    way = end - start
+    length_m = np.hypot(*way.T)
+    for wall in (each for sensor in sensors for each in sensor.walls):
+        outwards = np.array([wall.along[1], -wall.along[0]])
+        off_m = np.abs(np.stack([start - wall.foot, end - wall.foot]) @ outwards).max(axis=0)
+        pieces = np.flatnonzero((way @ wall.along > _SAME_WAY * length_m) & (off_m < _SAME_M))
+        longest = pieces[np.argmax(length_m[pieces])] if len(pieces) else None
+        middle = wall.foot if longest is None else (start + end)[longest] / 2
+        found.setdefault(wall.letter, (middle, wall.along))
+    return found
+
+
 def _letter(number: int) -> str:
     """Return A to Z, then AA, AB ..."""
     return (_letter(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)
@@ -107,7 +149,7 @@ def draw_directions(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -
 def draw_room(axes: Axes, building: Building, area: Array) -> None:
     """Draw the room: outlines of walls and furniture, and the floor's edge where no wall is."""
     data = building.data
-    for polygon in _things(building):
+    for polygon in things(building):
         axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
     for wall in standing_footprints(building.model, data)[0]:
         if thickness_m(wall) < _WALL_M:
@@ -120,7 +162,7 @@ def draw_room(axes: Axes, building: Building, area: Array) -> None:
     axes.set_aspect("equal")
 
 
-def _things(building: Building) -> list[NDArray[np.float64]]:
+def things(building: Building) -> list[NDArray[np.float64]]:
     """Return the outlines (k, 2) [m] of walls and furniture, without what is around or under the whole room."""
     mujoco.mj_kinematics(building.model, building.data)
     size_m = np.ptp(building.outline, axis=0)
@@ -145,6 +187,59 @@ def draw_numbered(axes: Axes, sensors: Sequence[PlanSensor], m_per_pt: float) ->
         if len(group) > 1:
             style["bbox"] = {"boxstyle": "round,pad=0.25,rounding_size=0.6", "fc": INK, "ec": "none"}
         axes.text(x, y, numbers, **style)
+
+
+@dataclass
+class Labels:
+    """Texts of a plan, each at that of its places where it covers least."""
+
+    axes: Axes
+    m_per_pt: float
+    low: Array
+    high: Array
+    points: list[Array] = field(default_factory=list)  # (n, 3): place [m], weight
+    boxes: list[tuple[Array, Array]] = field(default_factory=list)  # middle and half the size [m]
+
+    def keep_clear(self, *corners: Array, weight: float = 1.0) -> None:
+        """Let labels keep off a line through corners (2,) [m]."""
+        step_m = 2 * self.m_per_pt
+        for start, end in pairwise((corners[0], *corners)):
+            share = np.linspace(0, 1, 2 + int(np.hypot(*(end - start)) / step_m))[:, None]
+            line = start + share * (end - start)
+            self.points.append(np.column_stack([line, np.full(len(line), weight)]))
+
+    def keep_box(self, middle: Sequence[float] | Array, size_m: Array) -> None:
+        """Let labels keep off a box."""
+        self.boxes.append((np.asarray(middle, float), size_m / 2))
+
+    def write(self, text: str, places: Array, *, turn_deg: float = 0.0, **style: Any) -> None:
+        """Write text on a light background, its middle at one of the places (n, 2) [m]: the first of those that cover least."""
+        lines = text.split("\n")
+        style.setdefault("bbox", _LABEL)
+        size_pt = TEXT_PT * np.array([LETTER_EM * max(map(len, lines)), LINE_EM * len(lines)])
+        turn = np.deg2rad(turn_deg)
+        half = np.abs([[np.cos(turn), np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ size_pt * self.m_per_pt / 2
+        points = np.concatenate(self.points) if self.points else np.zeros((0, 3))
+        costs = [self._cost(each, half, points) for each in places]
+        best = places[int(np.argmin(np.round(costs, 6)))]
+        self.keep_box(best, 2 * half)
+        self.axes.text(
+            best[0], best[1], text, fontsize=TEXT_PT, ha="center", va="center", zorder=6, rotation=turn_deg, **style
+        )  # fmt: skip
+
+    def _cost(self, middle: Array, half: Array, points: Array) -> float:
+        covered = (np.abs(points[:, :2] - middle) < half).all(axis=1)
+        overlaps = [np.prod(np.clip(half + other - np.abs(middle - at), 0, None)) for at, other in self.boxes]
+        beyond = np.clip(self.low - middle + half, 0, None) + np.clip(middle + half - self.high, 0, None)
+        own = float(np.prod(2 * half))
+        return float(points[covered, 2].sum() + _OVER_TEXT * (sum(overlaps) / own + beyond.sum()))
+
+
+def around(middle: Array | Sequence[float], first_m: float, start_rad: float = 0.0, steps: int = 4) -> Array:
+    """Return places (n, 2) [m] around one, nearest first, from a direction on."""
+    turns = start_rad + np.deg2rad([0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180])
+    around = np.column_stack([np.cos(turns), np.sin(turns)])
+    return np.concatenate([np.asarray(middle) + first_m * (1 + 0.4 * ring) * around for ring in range(steps)])
 
 
 def heat_map(
@@ -177,17 +272,9 @@ def heat_map(
         image = axes.imshow(shown, origin="lower", extent=extent, interpolation="nearest", zorder=2.5, **ends)
         if least is not None and (grid < least).any():
             blind = np.ma.masked_where(~(grid < least), np.ones(shape))
-            axes.imshow(
-                blind.T,
-                origin="lower",
-                extent=extent,
-                cmap="autumn",
-                vmin=0,
-                vmax=4,
-                interpolation="nearest",
-                zorder=2.6,
-            )
-        for polygon in _things(building):
+            style = {"cmap": "autumn", "vmin": 0, "vmax": 4, "interpolation": "nearest", "zorder": 2.6}
+            axes.imshow(blind.T, origin="lower", extent=extent, **style)
+        for polygon in things(building):
             if thickness_m(polygon) >= _WALL_M:  # furniture and columns, which show through the colours
                 axes.fill(*polygon.T, facecolor="white", edgecolor="white", alpha=0.45, linewidth=0.6, zorder=2.7)
         draw_directions(axes, sensors, 0.09 * float(size.max()))

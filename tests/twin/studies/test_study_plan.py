@@ -14,8 +14,8 @@ from trackers.user_input.plain_data import dump_yaml
 from twin.scenario import load_scenario
 from twin.studies.candidate_set import building_of
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
-from twin.studies.mounting_plan import MARGIN_M, floor_plan
-from twin.studies.plots import plan_sensors
+from twin.studies.mounting_plan import floor_plan, margin_m
+from twin.studies.plots import PlanSensor, WallDistance, plan_sensors
 from twin.world.scene import build_scene
 
 PT_PER_MM = 72 / 25.4
@@ -38,7 +38,7 @@ def plan_of(lab, constraints: Constraints) -> tuple[ElementTree.Element, int, np
     svg, scale, _ = floor_plan(
         scenario, scenario, sensors, building, scene.area, constraints, places, constraints.keep_free
     )
-    return ElementTree.fromstring(svg), scale, building.outline.min(axis=0) - MARGIN_M
+    return ElementTree.fromstring(svg), scale, building.outline.min(axis=0) - margin_m(scale)
 
 
 def test_walls_stand_on_paper_where_they_stand_in_the_room(lab) -> None:
@@ -59,10 +59,27 @@ def test_zones_and_cables_are_drawn(lab) -> None:
     assert "#2678c4" in comments and "#2678c4" not in ElementTree.tostring(empty, encoding="unicode")
 
 
+@pytest.mark.parametrize(
+    ("yaw_deg", "said"),
+    [
+        (90, "straight off A"),
+        (90.4, "straight off A"),
+        (63, "27° right of straight off A"),
+        (-153.5, "116° left of straight off A"),
+    ],
+)
+def test_directions_are_seen_from_the_nearest_wall(yaw_deg: float, said: str) -> None:
+    """A wall along x, the room above it: straight off it is 90°; at -153.5° one looks to the left and back."""
+    wall = WallDistance("A", 0.1, np.zeros(2), np.array([1.0, 0.0]))
+    sensor = PlanSensor(1, "low", "laser", 0.0, 0.1, 1.0, yaw_deg, 0.0, (wall,))
+    assert sensor.from_wall() == said
+    assert sensor.yaw in sensor.label() and sensor.yaw in sensor.lines()[1]
+
+
 def test_all_text_has_one_size(lab) -> None:
     svg, *_ = plan_of(lab, Constraints(cable=CABLE, keep_free=(DOOR,)))
     texts = {each.text: each.get("style", "") for each in svg.iter("{http://www.w3.org/2000/svg}text")}
-    assert {"waist", "h 0.95 m, 90°", DOOR.name, "1 m", "0, 0"} <= set(texts)
+    assert {"waist", "h 0.95 m, 90°", DOOR.name, "keep free", "1 m", "0, 0"} <= set(texts)
     sizes = [float(found[1]) for style in texts.values() if (found := re.search(r"([\d.]+)px", style))]
     assert len(sizes) == len(texts) and np.ptp(sizes) < 0.05
 
@@ -93,12 +110,12 @@ def test_walls_are_told_from_furniture_and_labels_of_near_sensors_keep_apart(tmp
     # five walls; each, the sideboard and the wardrobe
     assert drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 7
     texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
-    assert {"1,2", "3"} <= {each.text for each in texts}
-    assert {
-        each.letter
-        for sensor in plan_sensors(scenario, list(scenario.sensors), building_of(scene))
-        for each in sensor.walls
-    } <= {each.text.split()[-1] for each in texts if each.text}
+    words = [each.text or "" for each in texts]
+    assert {"1,2", "3"} <= set(words)
+    sensors = plan_sensors(scenario, list(scenario.sensors), building_of(scene))
+    for letter in {each.letter for sensor in sensors for each in sensor.walls}:  # the wall's own, and at a dimension
+        assert words.count(letter) == 1 and any(word.endswith(f" {letter}") for word in words)
+    assert words.count("4.00 m") == 2  # the room, in both directions
     boxes = [(each.text, *box_of(each)) for each in texts]
     for place, (text, low, high) in enumerate(boxes):
         for other, other_low, other_high in boxes[:place]:
