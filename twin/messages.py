@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import ClassVar
 
 OnProgress = Callable[[str, float, float], None]
@@ -91,6 +93,11 @@ def sentence(text: str) -> str:
 def counted(count: int, one: str, many: str = "") -> str:
     """Format a number of things; `many`: the plural, where it is not `one` with an s."""
     return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+def short_path(path: str | Path) -> str:
+    """Format a path as it is, or from the working folder where that is shorter."""
+    return min(str(path), os.path.relpath(path), key=len)
 
 
 def printable_name(name: str) -> str:

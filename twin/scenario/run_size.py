@@ -36,16 +36,17 @@ class RunSize:
     """Size of a run: simulated seconds, people, observations, about how many bytes; of several, `people` is the most."""
 
     seconds: float = 0.0
-    people: int = 0
+    people: int | None = 0
+    """None where they are not known, as in a bag."""
     observations: int = 0
     n_bytes: float = 0.0
     of_several: bool = False
 
     def __str__(self) -> str:
-        return (
-            f"{self.seconds:g} s, {'at most ' * self.of_several}{counted(self.people, 'person', 'people')}, "
-            f"{counted(self.observations, 'observation', 'observations')}, about {_bytes(self.n_bytes)}"
-        )
+        n = self.people
+        people = "" if n is None else f"{'at most ' * self.of_several}{counted(n, 'person', 'people')}, "
+        looks = counted(self.observations, "observation", "observations")
+        return f"{self.seconds:g} s, {people}{looks}, about {_bytes(self.n_bytes)}"
 
 
 def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
@@ -68,7 +69,7 @@ def total(sizes: Iterable[RunSize]) -> RunSize:
     sizes = list(sizes)
     return RunSize(
         sum(each.seconds for each in sizes),
-        max((each.people for each in sizes), default=0),
+        max((each.people for each in sizes if each.people is not None), default=None if sizes else 0),
         sum(each.observations for each in sizes),
         sum(each.n_bytes for each in sizes),
         of_several=len(sizes) > 1,
@@ -82,8 +83,8 @@ def check_size(scenario: Scenario, *, images: bool = True, source: str | None = 
     """
     size = size_of(scenario, images=images)
     refuse = _refuser(source or scenario.source)
-    if size.people > MOST_PEOPLE:
-        refuse("people", f"{size.people} are there", f"at most {MOST_PEOPLE}")
+    if len(scenario.people) > MOST_PEOPLE:
+        refuse("people", f"{len(scenario.people)} are there", f"at most {MOST_PEOPLE}")
     for name, sensor in scenario.sensors.items():
         if images and _pixels(sensor) > MOST_PIXELS:
             refuse(f"sensors.{name}", f"a picture has {_pixels(sensor)} pixels", f"at most {MOST_PIXELS}")

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.messages import counted
+from twin.messages import counted, short_path
 from twin.suites.metrics import (
     GATED,
     GATED_SENSOR_METRICS,
@@ -63,9 +63,8 @@ class Change:
     A group is of a tracker in a scenario, or of a scanner, which the key then names in the tracker's place.
 
     p: probability that chance worsens any metric of the suite as much, but those that did more; p_better: the same for
-    improvements. allowed:
-    tolerated worsening of the mean. worst_seed: seed of the largest worsening (None: over several groups, or missing).
-    collapse: of one case, beyond any noise.
+    improvements. allowed: tolerated worsening of the mean. worst_seed: seed of the largest worsening (None: missing), of several
+    groups in `worst_of`. collapse: of one case, beyond any noise.
     """
 
     key: GroupKey
@@ -78,6 +77,7 @@ class Change:
     n_seed: int
     allowed: float
     worst_seed: int | None = None
+    worst_of: GroupKey | None = None
     collapse: Collapse | None = None
 
     @property
@@ -143,7 +143,7 @@ def compare(
 
 
 def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) -> Change:
-    first, is_single = pairs[0], len(pairs) == 1
+    first, is_single, worst = pairs[0], len(pairs) == 1, max(pairs, key=lambda pair: pair.worsened.max())
     trackers = {pair.key.tracker for pair in pairs}
     pooled = GroupKey(EVERY_SCENARIO, "[]", first.key.tracker if len(trackers) == 1 else EVERY_TRACKER)
     return Change(
@@ -156,7 +156,8 @@ def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) ->
         p_better=float(p_better),
         n_seed=sum(len(pair.seeds) for pair in pairs),
         allowed=allowed,
-        worst_seed=first.seeds[int(np.argmax(first.worsened))] if is_single else None,
+        worst_seed=worst.seeds[int(np.argmax(worst.worsened))],
+        worst_of=None if is_single else worst.key,
         collapse=first.collapse if is_single else None,
     )
 
@@ -282,13 +283,15 @@ def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
     )
 
 
-def verdict_line(baseline: str, comparison: Comparison | None, passed: bool, more: Sequence[str] = ()) -> str:
-    """Format a verdict on one line, with `more` after the number of metrics that got worse."""
-    against, parts = "without a baseline", list(more)
+def verdict_line(
+    baseline: str, comparison: Comparison | None, passed: bool, more: Sequence[str] = (), wrote: str = ""
+) -> str:
+    """Format a verdict on one line, with `more` after the number of metrics that got worse; wrote: a new baseline, if any."""
+    against, parts = "" if wrote else " without a baseline", [*more, *([f"wrote {wrote}"] if wrote else [])]
     if comparison is not None:
         n = f"{len(comparison.worse)} of {len(comparison.changes)} metrics got worse"
-        against, parts = f"against {baseline}", [n, *more]
-    return f"{'passed' if passed else 'FAILED'} {against}: {'; '.join(parts)}"
+        against, parts = f" against {baseline}", [n, *parts]
+    return f"{'passed' if passed else 'FAILED'}{against}: {'; '.join(parts)}"
 
 
 @dataclass(frozen=True)
@@ -314,7 +317,7 @@ class SuiteOutcome:
         facts, results = store.facts(), collect_results(store)
         comparison = None if before is None else compare(before, results, tolerances_of(facts))
         name = baseline or facts.get("baseline") or cls.baseline
-        return cls(folder, store, results, before, comparison, check_requirements(facts, results), str(name))
+        return cls(folder, store, results, before, comparison, check_requirements(facts, results), short_path(name))
 
     @property
     def violated(self) -> list[RequirementCheck]:
@@ -327,14 +330,14 @@ class SuiteOutcome:
         worse = self.comparison is not None and self.comparison.worse
         return not (self.results.failed or self.violated or worse)
 
-    def verdict(self) -> str:
-        """Format the verdict on one line: "FAILED against b.json: 3 of 90 metrics got worse; 0 of 2 requirements not met"."""
-        parts = []
-        if self.requirements:
-            parts.append(f"{len(self.violated)} of {len(self.requirements)} requirements not met")
+    def verdict(self, wrote: str = "") -> str:
+        """Format the verdict on one line: "FAILED against b.json: 3 of 90 metrics got worse; 2 of 2 requirements met"."""
+        parts, n = [], len(self.requirements)
+        if n:
+            parts.append(f"{n - len(self.violated)} of {n} requirements met")
         if self.results.failed or not (parts or self.comparison):
             n_done = sum(len(group.seeds) for group in self.results.groups.values())
             parts.append(f"{counted(n_done, 'case')} done, {len(self.results.failed)} failed")
         if self.results.unfinished:
             parts.append(f"{counted(self.results.unfinished, 'case')} not finished")
-        return verdict_line(self.baseline, self.comparison, self.passed, parts)
+        return verdict_line(self.baseline, self.comparison, self.passed, parts, wrote)

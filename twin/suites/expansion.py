@@ -33,7 +33,8 @@ from twin.suites.cache_keys import (
     recording_key,
     room_digest,
 )
-from twin.suites.preflight import TrackerCheck
+from twin.suites.metrics import METRICS, RECORDING_METRICS
+from twin.suites.preflight import TrackerCheck, check_measured
 from twin.suites.spec import Overrides, Suite
 from twin.suites.variants import Variant, format_overrides, place_of, recorded_variant, variants
 from twin.world.scene import scene_faults
@@ -215,6 +216,8 @@ def _check_entry(
             )
             if limits:
                 check_size(scenario)
+            own = METRICS.keys() - RECORDING_METRICS.keys()
+            check_measured(suite, entry, own, "in a scenario; a bound in an entry of recordings is expected")
             title = with_variant(entry.name or scenario.name, variant.title())
             digest = check.check(variant, scenario, scenario_path, title)
         except InputError as error:
@@ -296,6 +299,9 @@ def _recorded_cases(
         recording, found = Recording(bag, rig), RecordedInput.of(bag, rig, truth)
         if truth is not None:
             read_truth(truth)
+        elif next(recording.truth(), None) is None:
+            why = f"without truth, which {bag.name} has not; `truth: FILE.csv`, or bounds of"
+            check_measured(suite, entry, RECORDING_METRICS, f"{why} {' and '.join(RECORDING_METRICS)} are expected")
         described = scenario_of(recording)
         files, _ = files_for(recording, described, rig, followed)
         prior = Prior.read((), files, recording.rig)
@@ -303,7 +309,7 @@ def _recorded_cases(
         check.check_recorded(variant, bag, defined, recording.rig, prior, name)
         of_prior = [each for each in followed if not each.startswith("trackers")]
         seconds = RunSize(
-            seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
+            people=None, seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
         )
         for seed, tracker in product(entry.seeds, variant.trackers):
             choice = defined.get(tracker, TrackerChoice())

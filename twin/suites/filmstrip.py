@@ -19,6 +19,7 @@ from trackers.arrays import Array
 from trackers.errors import text_near_bound
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
+from twin.messages import short_path
 from twin.recording.reader import Recording
 from twin.report.birdseye import Site, floor_extent
 from twin.report.floor_panel import PreviewFrame
@@ -35,7 +36,8 @@ from twin.suites.comparison import Change
 from twin.suites.expansion import Case
 from twin.suites.metrics import METRICS, format_beside, format_metric, mean_over_seeds, metric_named
 from twin.suites.permutation_test import ALPHA
-from twin.suites.results import Group, Results
+from twin.suites.result_files import CASE_METRICS, REPORT, case_page
+from twin.suites.results import Group, GroupKey, Results
 from twin.suites.store import ResultStore
 from twin.suites.worker import RECORDING, case_recording, resolved_scenario
 from twin.world.world import World
@@ -237,7 +239,8 @@ def small_multiple(
     bottom = height - _BOTTOM
     parts.append(f'<path class="frame" d="M{_LEFT:g} {bottom:g}H{right:g}"/>')
     for value, anchor in ((scale.low, "start"), (scale.high, "end")):
-        text = _tick(metric, max(0.0, value) if METRICS[metric].better == "less" else min(1.0, value))
+        shown = max(0.0, value) if METRICS[metric].better == "less" else min(1.0, value)
+        text = format_number(shown, METRICS[metric].decimals or 1)
         x = _LEFT if anchor == "start" else right
         parts.append(f'<text class="axis" x="{x:g}" y="{height - 5:g}" text-anchor="{anchor}">{text}</text>')
     for row, (name, group) in enumerate(trackers):
@@ -272,17 +275,13 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
     else:
         said = format_metric(metric, mean.mean)
     parts.append(marker(slot, scale.x(mean.mean), y, said))
-    parts.append(f'<text x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">{_tick(metric, mean.mean)}</text>')
+    value = format_number(mean.mean, METRICS[metric].decimals or 1)
+    parts.append(f'<text x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">{value}</text>')
     return parts
-
-
-def _tick(metric: str, value: float) -> str:
-    return format_number(value, METRICS[metric].decimals or 1)
 
 
 STRIP = "worst.jpg"
 """Name of a film strip in the folder of its case."""
-_REPORT, _METRICS = "report.html", "metrics.json"
 _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
 """Metrics that count events; for all others the worst second is shown."""
 
@@ -294,53 +293,58 @@ class IncidentLink:
     page: Path
     t_s: float
     what: str
+    kind: str
+    case: str = ""  # of several groups
 
-    def text(self) -> str:
-        """Format page, or the folder without one, and time on one line."""
-        place = self.page if self.page.name == _REPORT else self.page.parent
-        return f"{place} at {self.t_s:.1f} s ({self.what})"
+    @property
+    def place(self) -> str:
+        """The page, or the folder without one, by its shortest path."""
+        return short_path(self.page if self.page.name == REPORT else self.page.parent)
 
 
-def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
+def incident_links(
+    changes: Iterable[Change], results: Results, store: ResultStore, folder: Path
+) -> list[tuple[Change, IncidentLink]]:
+    """Find the incidents behind changes, one of each kind per group; of groups judged together that of the worst case alone."""
+    found: dict[tuple[GroupKey, str], tuple[Change, IncidentLink]] = {}
+    for change in changes:
+        if (link := _incident_link(change, results, store, folder)) is not None:
+            found.setdefault((change.key, "" if link.case else link.kind), (change, link))
+    return list(found.values())
+
+
+def _incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
     """Find the incident behind a change, in the seed with the largest worsening; None if the run lacks that case."""
-    group = results.groups.get(change.key)
+    key = change.worst_of or change.key
+    group = results.groups.get(key)
     case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
     if case_id is None:
         return None
     incidents = store.incidents(case_id)
     kind = _KIND_OF.get(change.metric)
-    chosen = next((each for each in incidents if each.kind == kind), incidents[0] if incidents else None)
-    if chosen is None:
+    if not incidents:
         return None
-    return IncidentLink(case_page(folder, case_id, (_REPORT, STRIP, _METRICS)), chosen.t_s, chosen.what)
-
-
-def case_page(folder: Path, case_id: str, names: Sequence[str] = (_REPORT, _METRICS)) -> Path:
-    """Return the first of these files that a case of the run in `folder` has, else the last: its report, if it has one."""
-    paths = [folder / "cases" / case_id / name for name in names]
-    return next((each for each in paths if each.is_file()), paths[-1])
+    chosen = next((each for each in incidents if each.kind == kind), incidents[0])
+    case = f"{key.scenario}, seed {change.worst_seed}" if key != change.key else ""
+    page = case_page(folder, case_id, (REPORT, STRIP, CASE_METRICS))
+    return IncidentLink(page, chosen.t_s, chosen.what, chosen.kind, case)
 
 
 def describe_change(change: Change) -> str:
     """Describe a change: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
-    name = metric_named(change.metric).name
-    was = format_metric(change.metric, change.before)
+    name, was = metric_named(change.metric).name, format_metric(change.metric, change.before)
     if change.now is None:
         return f"{name} {was} → no longer measured"
-    now, (by, allowed) = (
-        format_metric(change.metric, change.now),
-        format_beside(change.metric, change.change, change.allowed),
+    by, allowed = format_beside(change.metric, change.change, change.allowed)
+    return (
+        f"{name} {was} → {format_metric(change.metric, change.now)} ({by}, allowed {allowed}, {significance(change)})"
     )
-    return f"{name} {was} → {now} ({by}, allowed {allowed}, {significance(change)})"
 
 
 def significance(change: Change) -> str:
     """Describe the significance of a change: its p, and a case that collapsed."""
     if change.now is None:
         return "missing"
-    p, parts = min(change.p, change.p_better), []
-    if (case := change.collapse) is not None:
-        by, allowed = (each.split()[0] for each in format_beside(change.metric, case.by, case.allowed, sign=False))
-        parts = [f"seed {case.seed} worse by {by} (allowed in one case: {allowed})"]
+    p, parts = min(change.p, change.p_better), [change.collapse.text(change.metric)] if change.collapse else []
     chance = f"p {text_near_bound(p, ALPHA, '.3f')}" if p >= 0.0005 else "p < 0.001"
     return ", ".join([*parts, *([chance] if p <= ALPHA or not parts else [])])

@@ -109,10 +109,11 @@ def run_gate(
         print_paths(files)
         if outcome.comparison is not None:
             _check_compared(outcome.comparison, f"--baseline {baseline}")
+        wrote = ""
         if baseline is not None and update_baseline and not outcome.results.failed:
             write_baseline(baseline, outcome.results)
-            print_paths({"baseline": baseline})
-        print(printable(outcome.verdict()))
+            wrote = str(baseline)
+        print(printable(outcome.verdict(wrote)))
     return outcome.passed
 
 
@@ -281,6 +282,7 @@ def write_summary(path: Path, outcome: SuiteOutcome) -> None:
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
         "tracker_warnings": dict(results.tracker_warnings),
+        "scenario_warnings": dict(results.scenario_warnings),
         "groups": [
             {
                 "scenario": key.scenario,

@@ -11,15 +11,17 @@ from typing import Any
 from markupsafe import Markup
 
 from twin.evaluate.accuracy import WITHIN, calibration_curve
+from twin.messages import counted
 from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, SuiteOutcome
-from twin.suites.filmstrip import STRIP, case_page, colour_of, incident_link, marker, scale_of, small_multiple
+from twin.suites.filmstrip import STRIP, colour_of, incident_links, marker, scale_of, small_multiple
 from twin.suites.metrics import (
     FEWEST,
     METRICS,
+    PERSON_FRAMES,
     RATES,
     RECORDING_METRICS,
     SHOWN,
@@ -30,6 +32,7 @@ from twin.suites.metrics import (
     metric_named,
 )
 from twin.suites.permutation_test import ALPHA
+from twin.suites.result_files import case_page
 from twin.suites.result_tables import change_cells
 from twin.suites.results import (
     BEHIND_HOTA,
@@ -80,13 +83,14 @@ def _links(
     comparison: Comparison | None, results: Results, store: ResultStore, folder: Path, page: Path
 ) -> dict[int, tuple[str, str]]:
     """Link each change to its incident in the run in `folder`, relative to the folder `page`."""
-    links = {}
-    for change in comparison.worse if comparison is not None else ():
-        incident = incident_link(change, results, store, folder)
-        if incident is not None:
-            link = Path(os.path.relpath(incident.page, page)).as_posix()
-            links[id(change)] = (link, f"{incident.t_s:.1f} s: {incident.what}")
-    return links
+    worse = comparison.worse if comparison is not None else ()
+    return {
+        id(change): (
+            Path(os.path.relpath(each.page, page)).as_posix(),
+            f"{each.case}{', ' if each.case else ''}{each.t_s:.1f} s: {each.what}",
+        )
+        for change, each in incident_links(worse, results, store, folder)
+    }
 
 
 def write_comparison_page(
@@ -162,6 +166,7 @@ def _write(
         behind_hota=BEHIND_HOTA,
         fewest=FEWEST,
         undirected=RECORDING_METRICS,
+        place=results.place,
         reference_rows=[_reference_row(row) for row in rows],
         calibration=_calibration(results),
         strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],
@@ -192,7 +197,9 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
                     for metric in known_of(HEADLINE_METRICS, (group.values for _, group in trackers))
                 ],
                 "trackers": [name for name, _ in trackers],
-                "n": [f"{group.n} in {len(group.seeds)} seeds" for _, group in trackers],
+                "n": [f"{group.n} in {counted(len(group.seeds), 'seed')}" for _, group in trackers]
+                if any(group.values(PERSON_FRAMES) for _, group in trackers)
+                else [],
                 "table": [
                     (METRICS[metric], [_cell(metric, group) for _, group in trackers])
                     for metric in (*SHOWN, *RECORDING_METRICS)

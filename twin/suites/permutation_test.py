@@ -29,7 +29,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.streams import stream
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, at_frames_of, worsening
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, at_frames_of, format_beside, worsening
 from twin.suites.results import Group, GroupKey, Results
 
 Relation = Literal["same bits", "same origin", "same people", "unrelated"]
@@ -53,6 +53,11 @@ class Collapse:
     seed: int
     by: float
     allowed: float
+
+    def text(self, metric: str) -> str:
+        """Format seed and worsening: "seed 3 worse by 0.25 (allowed in one case: 0.11)"."""
+        by, allowed = (each.split()[0] for each in format_beside(metric, self.by, self.allowed, sign=False))
+        return f"seed {self.seed} worse by {by} (allowed in one case: {allowed})"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +37,7 @@ from twin.scenario.housings import assumed_rig
 from twin.scenario.person import STEADY
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
+from twin.suites.spec import Suite, SuiteRecording, SuiteScenario
 from twin.suites.variants import Variant, place_of
 from twin.world.empty_room import empty_room
 from twin.world.scene import scene_faults
@@ -225,6 +226,24 @@ def seeds_checked(name: str, scenario: Scenario) -> str:
         return ""
     raise_faults(scene_faults(lambda field: f"{name}: {field}" if field else name, seeded))
     return f"checked with seeds {seeds[0]} to {seeds[-1]}, others may differ"
+
+
+def check_measured(
+    suite: Suite, entry: SuiteScenario | SuiteRecording, measured: Collection[str], otherwise: str
+) -> None:
+    """Raise InputError, one line per fault, for bounds of an entry on metrics that none of its cases has.
+
+    measured: the metrics that they have; otherwise: why they have no others, and what is valid.
+    """
+    faults = []
+    for name in entry.trackers or suite.trackers:
+        bounds = {
+            **dict.fromkeys(suite.require.get(name, {}), "the suite's "),
+            **dict.fromkeys(entry.require.get(name, {}), ""),
+        }
+        missing = [(metric, whose) for metric, whose in bounds.items() if metric not in measured]
+        faults += [f"{whose}require.{name}.{metric}: is not measured {otherwise}" for metric, whose in missing]
+    raise_faults(faults)
 
 
 def is_known_tracker(target: str) -> bool:

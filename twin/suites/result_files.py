@@ -32,6 +32,9 @@ from twin.suites.store import EXPECTED, OverridesText, ResultStore, StoredCase, 
 RESULTS_FILE = "results.sqlite"
 _WRITTEN = ("summary.json", "report.html", "junit.xml", "cases", "logs")
 
+REPORT, CASE_METRICS = "report.html", "metrics.json"
+"""Files of a case."""
+
 _WITH_NUMBER = re.compile(r"[\w-]*\d[\w.-]*")
 """A number, or a name that holds one, as those of drawn people."""
 
@@ -42,6 +45,12 @@ _OF_SUITE = ("description", "reference", "tolerances", "requirements")
 def kind_of_warning(text: str) -> str:
     """Return a warning without the numbers in it, by which cases that differ in a seed are warned of once."""
     return _WITH_NUMBER.sub("#", text)
+
+
+def case_page(folder: Path, case_id: str, names: Sequence[str] = (REPORT, CASE_METRICS)) -> Path:
+    """Return the first of these files that a case of the run in `folder` has, else the last: its report, if it has one."""
+    paths = [folder / "cases" / case_id / name for name in names]
+    return next((each for each in paths if each.is_file()), paths[-1])
 
 
 @contextmanager

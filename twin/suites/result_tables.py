@@ -11,7 +11,7 @@ from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import EVERY_TRACKER, Change, Comparison, SuiteOutcome
 from twin.suites.expansion import with_variant
-from twin.suites.filmstrip import incident_link, significance
+from twin.suites.filmstrip import incident_links, significance
 from twin.suites.metrics import (
     FEWEST,
     METRICS,
@@ -54,8 +54,8 @@ def print_results(results: Results, reference: str | None = None) -> None:
         rows.append([name, key.tracker, str(len(group.seeds)), group.n, *cells])
     console = PlainConsole()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m")
-    heads = ["scenario", "tracker", "seeds", "person-frames", *map(_heading, metrics)]
-    print_table(heads, rows, names=2)
+    heads = [results.place, "tracker", "seeds", "person-frames", *map(_heading, metrics)]
+    print_table(*without_empty(heads, rows, names=2), names=2)
     if note := note_on_frames(results):
         console.print(note, soft_wrap=True)
     if reference is not None:
@@ -94,7 +94,7 @@ def _print_differences(results: Results, reference: str) -> None:
     for (scenario, variant), own in strata.items():
         rows += [None, *([with_variant(scenario, variant), *_reference_cells(row)] for row in own)]
     heads = [
-        "scenario",
+        results.place,
         "tracker",
         "cases",
         *map(_reference_heading, REFERENCE_METRICS),
@@ -163,14 +163,15 @@ def print_comparison(
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:
             console.print(f"{len(changes)} metric{'s' if len(changes) > 1 else ''} got {word}")
-            _print_changes(changes[:_MOST_ROWS])
+            _print_changes(changes[:_MOST_ROWS], results.place)
             if len(changes) > _MOST_ROWS:
                 console.print(f"and {len(changes) - _MOST_ROWS} more that got {word}, all in {page}")
         if word == "worse" and run is not None:
-            for line in dict.fromkeys(
-                incident.text() for change in changes[:_MOST_ROWS] if (incident := incident_link(change, results, *run))
-            ):
-                console.print(f"see {line}", soft_wrap=True)
+            places: dict[str, list[str]] = {}
+            for _, each in incident_links(changes[:_MOST_ROWS], results, *run):
+                places.setdefault(each.place, []).append(f"{each.t_s:.1f} s ({each.what})")
+            for place, times in places.items():
+                console.print(f"see {place} at {', '.join(dict.fromkeys(times))}", soft_wrap=True)
     if comparison.identical:
         console.print(f"every recording and metric has the same bits: {len(comparison.changes)} compared")
     elif not comparison.worse:
@@ -179,7 +180,7 @@ def print_comparison(
         console.print(
             f"{len(other)} changed by no more than the tolerance, or by more but with a p above {ALPHA}; the largest:"
         )
-        _print_changes(other[:_MOST_SMALL_ROWS])
+        _print_changes(other[:_MOST_SMALL_ROWS], results.place)
     console.print(
         "minimum detectable change: the smallest loss, equal in every recording, that raises an alarm while nothing else "
         "changes. One that differs between recordings must be larger, and larger again where much else changes. Ranges are over "
@@ -254,8 +255,8 @@ def change_cells(change: Change) -> list[str]:
     ]
 
 
-def _print_changes(changes: Sequence[Change]) -> None:
-    heads = ("scenario", "tracker", "metric", "before", "now", "change", "allowed", "significance", "seeds")
+def _print_changes(changes: Sequence[Change], place: str) -> None:
+    heads = (place, "tracker", "metric", "before", "now", "change", "allowed", "significance", "seeds")
     print_table(heads, [change_cells(change) for change in changes], names=3)
 
 
@@ -271,7 +272,7 @@ def markdown_table(results: Results) -> str:
     metrics = known_of(_SHOWN, (each.values for each in results.groups.values()))
     heads = [METRICS[metric].name for metric in metrics]
     lines = [
-        _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
+        _line([results.place, "tracker", "seeds", "person-frames", *heads]),
         _line(["---", "---", *["--:"] * (2 + len(heads))]),
     ]
     for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):

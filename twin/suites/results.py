@@ -64,7 +64,7 @@ class Group:
 class Results:
     """Results of a run or a baseline.
 
-    renderers: of all recordings with images; tracker_warnings: cases by warning of a tracker; sensors: range noise, one
+    renderers: of all recordings with images; tracker_warnings, scenario_warnings: cases by warning; sensors: range noise, one
     group per scenario, variant and scanner, whose key names it in the tracker's place.
     """
 
@@ -75,7 +75,14 @@ class Results:
     failed: tuple[StoredCase, ...] = ()
     unfinished: int = 0
     tracker_warnings: Mapping[str, int] = field(default_factory=dict)
+    scenario_warnings: Mapping[str, int] = field(default_factory=dict)
     sensors: Mapping[GroupKey, Group] = field(default_factory=dict)
+
+    @property
+    def place(self) -> str:
+        """The word for what its groups are of: scenario, recording, or both."""
+        bags = {bool(group.values("track_count")) for group in self.groups.values()}
+        return " or ".join(["scenario"] * (bags != {True}) + ["recording"] * (True in bags))
 
 
 def collect_results(store: ResultStore) -> Results:
@@ -99,6 +106,7 @@ def collect_results(store: ResultStore) -> Results:
         suite=facts["suite"],
         versions=facts["versions"],
         tracker_warnings=facts.get("tracker_warnings", {}),
+        scenario_warnings=facts.get("scenario_warnings", {}),
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
         groups={key: _group(found, recorded, recipes) for key, found in groups.items()},
         failed=tuple(case for case in cases if case.status == FAILED),

@@ -166,6 +166,7 @@ def _facts(suite: Suite, path: Path, cases: Sequence[Case], changes: Sequence[st
         "seconds": 0.0,
         "renderers": [],
         "tracker_warnings": {},
+        "scenario_warnings": {},
     }
 
 
@@ -225,9 +226,10 @@ class _CaseEnds:
         # of cases that are done again, nothing of before is kept
         held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
         self._warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
+        self._of_scenarios = set(facts.get("scenario_warnings", ()))
         self._kinds = {kind_of_warning(text): text for text in self._warned_cases}
         self._warned: set[str] = set()
-        _note_warnings(store, self._warned_cases)
+        self._note_warnings()
 
     def take(self, end: TaskResult) -> None:
         """Store the result of a case, or that it failed."""
@@ -254,18 +256,23 @@ class _CaseEnds:
             if warning not in self._warned:  # once, for all trackers of a recording
                 self._progress.warned(warning)
         self._warned.update(result.warnings)
-        for each in result.tracker_warnings:
+        for each in (*result.tracker_warnings, *result.scenario_warnings):
             first = self._kinds.setdefault(kind_of_warning(each), each)
             if first not in self._warned_cases:  # once, whatever its number of cases, and whatever numbers it holds
                 self._progress.warned(f"{case.id}: {each}")
             self._warned_cases.setdefault(first, []).append(case.id)
-        if result.tracker_warnings:
-            _note_warnings(self._store, self._warned_cases)
+            self._of_scenarios.update([first] if each in result.scenario_warnings else [])
+        if result.tracker_warnings or result.scenario_warnings:
+            self._note_warnings()
 
-
-def _note_warnings(store: ResultStore, warned_cases: Mapping[str, Sequence[str]]) -> None:
-    """Store the warnings of trackers and scenarios, each with the cases that gave it, and their number."""
-    store.note(warned_cases=warned_cases, tracker_warnings={text: len(ids) for text, ids in warned_cases.items()})
+    def _note_warnings(self) -> None:
+        """Store the warnings of trackers and of scenarios, each with the cases that gave it, and their number."""
+        found = {text: len(ids) for text, ids in self._warned_cases.items()}
+        self._store.note(
+            warned_cases=self._warned_cases,
+            tracker_warnings={text: n for text, n in found.items() if text not in self._of_scenarios},
+            scenario_warnings={text: n for text, n in found.items() if text in self._of_scenarios},
+        )
 
 
 def _without_page(had_pages: bool, cases: Sequence[Case], done: Collection[str]) -> list[str]:

@@ -98,6 +98,7 @@ class Facts(Typed):
     seconds: FiniteFloat
     renderers: list[str]
     tracker_warnings: dict[str, int] = Field(default_factory=dict)
+    scenario_warnings: dict[str, int] = Field(default_factory=dict)
     warned_cases: dict[str, list[str]] = Field(default_factory=dict)  # by warning
     recipes: dict[str, str] = Field(default_factory=dict)  # inputs of each case's recording
     filmstrips: dict[str, FiniteFloat] = Field(default_factory=dict)

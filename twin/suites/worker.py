@@ -91,7 +91,7 @@ class CaseResult:
     """Result of a case: the tracker's entry of `metrics.json`, incidents, the files of its folder, provenance.
 
     recording: digest of the recorded bits; people: of the people's motion; scatter_m: noise of each scanner's ranges, by its
-    position; tracker_warnings: of the tracker, and of its scenario.
+    position; tracker_warnings: of the tracker; scenario_warnings: of its scenario.
     """
 
     metrics: dict[str, Any]
@@ -103,6 +103,7 @@ class CaseResult:
     scatter_m: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     tracker_warnings: tuple[str, ...] = ()
+    scenario_warnings: tuple[str, ...] = ()
 
 
 def run_case(work: CaseWork) -> CaseResult:
@@ -136,7 +137,7 @@ def run_case(work: CaseWork) -> CaseResult:
             people=people_digest(entry / TRUTH),
             scatter_m=range_scatter_m(entry / RECORDING, scenario),
             warnings=tuple(warnings),
-            tracker_warnings=(*tracked.tracker_warnings, *_warnings_in(entry)),
+            scenario_warnings=tuple(_warnings_in(entry)),
         )
 
 

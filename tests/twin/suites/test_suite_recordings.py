@@ -77,6 +77,7 @@ def test_truth_of_the_bag_and_of_a_table_give_the_same_and_none_gives_counts(bag
     )
     done = _run(suite, tmp_path / "out", "--baseline", str(tmp_path / "base.json"), "--update-baseline")
     assert done.exit_code == 0, done.output
+    assert " people" not in done.output  # which a bag does not tell
     rows = {
         row["scenario"]: row["metrics"] for row in json.loads((tmp_path / "out/summary.json").read_text())["groups"]
     }
@@ -134,6 +135,10 @@ def test_requirement_that_is_not_met_fails(bags: Path, tmp_path: Path) -> None:
         (
             "recording: lab/recording.mcap, set: {trackers.sorts.gate: 5}",
             "set.trackers.sorts.gate: there is no tracker",
+        ),
+        (
+            'recording: bare.mcap, rig: rig.yaml, require: {sort: {track_count: 1, mota: "> 0"}}',
+            "0: require.sort.mota: is not measured without truth, which bare.mcap has not",
         ),
         ("recording: lab/recording.mcap, set: {duration_s: 5}", "set.duration_s: changes nothing of a recording"),
         ("recording: lab/recording.mcap, set: {prior.learned.a: gone.npz}", "gone.npz"),

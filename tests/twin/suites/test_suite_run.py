@@ -340,13 +340,21 @@ def test_links_of_a_page_lead_to_files_whether_cases_have_reports_or_not(
     suite.write_text(re.sub(r"^reports:.*\n", "", SUITE, flags=re.MULTILINE) + f"reports: {reports}\n")
     baseline, out = str(tmp_path / "baseline.json"), tmp_path / "now"
     common = ["run", str(suite), "--jobs", "1", "--baseline", baseline, "--out"]
-    command(monkeypatch, *common, str(tmp_path / "before"), "--update-baseline")
+    first = command(monkeypatch, *common, str(tmp_path / "before"), "--update-baseline")[1]
+    assert first.splitlines()[-1] == f"passed: {N_CASE} cases done, 0 failed; wrote {baseline}"
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
+    monkeypatch.chdir(tmp_path)
     text = command(monkeypatch, *common, str(out))[1]
-    links = re.findall(r'href="(cases/[^"]+)"', (out / "report.html").read_text())
+    assert text.splitlines()[-1].startswith("FAILED against baseline.json: ")
+    page = (out / "report.html").read_text()
+    links = re.findall(r'href="(cases/[^"]+)"', page)
     assert links and all((out / link).is_file() for link in links)
     looks = re.findall(r"^see (\S+) at", text, re.MULTILINE)
     assert looks and all(look.endswith("report.html") == (reports == "true") for look in looks)
+    assert len(set(looks)) == len(looks) and not any(Path(look).is_absolute() for look in looks)
+    rows = re.findall(r'<tr><td class="where">(.*?)</td><td>(.*?)</td>.*<td class="see">(.*?)</td>', page)
+    groups = {row[:2] for row in rows}
+    assert {row[:2] for row in rows if row[2]} == groups and ("every scenario", "laser-imm") in groups
 
 
 def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_what_was_kept_before_is_read(
@@ -403,7 +411,7 @@ def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
     assert [row["met"] for row in summary["requirements"]].count(False) == 3
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "a"))
     assert "6 of 9 requirements met" in text
-    assert text.splitlines()[-1] == "FAILED without a baseline: 3 of 9 requirements not met"
+    assert text.splitlines()[-1] == "FAILED without a baseline: 6 of 9 requirements met"
     connection = sqlite3.connect(tmp_path / "a" / "results.sqlite")
     with connection:  # a file of version 0.1
         for former, name in FORMER_FACTS.items():

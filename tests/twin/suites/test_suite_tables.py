@@ -72,9 +72,9 @@ def test_the_verdict_comes_in_one_line_with_what_is_not_met_below() -> None:
         return markdown_verdict(SuiteOutcome(Path(), store, results, None, None, requirements))
 
     assert verdict() == "made-up: passed without a baseline: 2 cases done, 0 failed."
-    assert verdict(met) == "made-up: passed without a baseline: 0 of 1 requirements not met."
+    assert verdict(met) == "made-up: passed without a baseline: 1 of 1 requirements met."
     assert verdict(met, broken).splitlines() == [
-        "made-up: **FAILED** without a baseline: 1 of 2 requirements not met.",
+        "made-up: **FAILED** without a baseline: 1 of 2 requirements met.",
         "- not met: lab, `ours`: MOTA is 0.850, required >= 0.9",
     ]
 

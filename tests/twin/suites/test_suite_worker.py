@@ -76,7 +76,8 @@ def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
     for case, result in zip(cases, (first, second), strict=True):
         assert without_cost(result.metrics) == without_cost(document["trackers"][case.tracker])
         assert set(result.files) == {"report.html", "metrics.json", f"tracks/{case.tracker}.csv"}
-        assert any("faults.late.from_s: 9 s is not before the end" in each for each in result.tracker_warnings)
+        assert any("faults.late.from_s: 9 s is not before the end" in each for each in result.scenario_warnings)
+        assert not any("faults.late" in each for each in result.tracker_warnings)
         assert result.incidents[0].kind == "worst" and 1.0 <= result.incidents[0].t_s <= 2.0
     short = run_case(CaseWork(replace(cases[1], report=False), cache, whole_code()))
     assert without_cost(short.metrics) == without_cost(second.metrics) and short.incidents == second.incidents
