@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema, to_json
 
-from trackers.errors import InputError, valid_names
+from trackers.errors import InputError, distinct_lines, valid_names
 from trackers.user_input.former_options import (
     checked_current_names,
     members_of,
@@ -244,7 +244,7 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             message = message.replace(f" (got {_shown(fault['input'])})", "")
             message = f"the name {_shown(fault['input'])}: {message}"
         lines.append(": ".join(part for part in (source, path, message) if part))
-    distinct = list(dict.fromkeys(lines))
+    distinct = distinct_lines(lines)
     more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []
     return distinct[:_MOST_LINES] + more
 

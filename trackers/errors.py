@@ -46,8 +46,23 @@ def text_near_bound(value: float, bound: float, spec: str = ".2f") -> str:
 
 def raise_faults(faults: Iterable[str]) -> None:
     """Raise InputError with a line per fault, each once; nothing without any."""
-    if lines := list(dict.fromkeys(faults)):
+    if lines := distinct_lines(faults):
         raise InputError("\n".join(lines))
+
+
+_LONG_LIST = 200
+"""Length of a list of names from which on it stands once in an error."""
+
+
+def distinct_lines(faults: Iterable[str]) -> list[str]:
+    """Return a line per fault, each once; a long list of valid names stands in the first alone that has it."""
+    first: dict[str, str] = {}
+    lines = []
+    for line in dict.fromkeys(faults):
+        start, mark, names = line.rpartition("valid are ")
+        is_again = len(names) > _LONG_LIST and first.setdefault(names, line) != line
+        lines.append(f"{start}{mark}the names above" if is_again else line)
+    return lines
 
 
 def valid_names(

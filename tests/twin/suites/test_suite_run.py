@@ -431,6 +431,7 @@ def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
             "require: 'laser-im' is none of the trackers; did you mean 'laser-imm'? valid are laser-imm, laser-kalman",
         ),
         ("{laser-imm: {moto: 1}}", "there is no metric 'moto'; did you mean 'mota'? valid are mota"),
+        ("{laser-imm: {moto: 1}, laser-kalman: {moto: 1}}", "did you mean 'mota'? valid are the names above"),
         ("{laser-imm: {mota: about 1}}", 'a whole number, or a bound as in ">= 0.97", is expected'),
         ("{laser-imm: {mota: '>= 1.5'}}", "laser-imm: mota: '>= 1.5' is outside its range; a bound within -inf to 1"),
         ("{laser-imm: {idf1: '> 1'}}", "idf1: '> 1' is outside its range; a bound within 0 to 1"),
