@@ -34,6 +34,7 @@ from twin.recording.situation_table import SITUATION_COLUMNS
 from twin.recording.tables import TRUTH_COLUMNS
 from twin.recording.truth_tables import BOX_COLUMNS, FEET_COLUMNS, PEOPLE_COLUMNS, RAY_COLUMNS
 from twin.scenario import load_scenario
+from twin.scenario.sensor_descriptions import LaserDescription
 from twin.studies.spec import load_study
 from twin.suites.spec import load_suite
 
@@ -204,6 +205,13 @@ def test_the_reference_of_a_schema_has_every_field_with_its_meaning(schema: str,
     rows = re.findall(r"^\| `([^`]+)` \|(?:[^|\\]|\\.)*\|(?:[^|\\]|\\.)*\|((?:[^|\\]|\\.)*)\|$", text, re.MULTILINE)
     assert len(rows) > 15
     assert [name for name, meaning in rows if not meaning.strip() and name not in {"kind"}] == []
+
+
+def test_the_page_of_sensors_has_every_field_of_a_scanner_with_its_default(pages: dict[str, str]) -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \| `?([^|`]*)`? \| \S.*\|$", pages["docs/concepts/sensors.md"], re.MULTILINE))
+    fields = LaserDescription.model_fields
+    assert rows.keys() >= fields.keys() - {"kind"} and rows["rate_hz"] == "required"
+    assert float(rows["range_max_m"]) == fields["range_max_m"].default
 
 
 @pytest.mark.parametrize("name", PRESETS)

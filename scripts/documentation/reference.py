@@ -178,6 +178,23 @@ def listed(kind: str) -> str:
     return "\n".join(["| name | |", "|---|---|", *(f"| `{name}` | {_text(text)} |" for name, text in entries.items())])
 
 
+def sensor_fields(name: str) -> str:
+    """Format fields of a sensor: those that a scanner and a camera share ('shared'), or a description's own."""
+    from twin.scenario.load import DrawableScenarioFile
+
+    parts = DrawableScenarioFile.model_json_schema()["$defs"]
+    scanner, camera = (parts[each]["properties"] for each in ("LaserDescription", "PinholeDescription"))
+    shared = [each for each in scanner if each in camera and each not in ("kind", "noise")]
+    part = parts["LaserDescription" if name == "shared" else name]
+    own = [each for each in part["properties"] if (each in shared) == (name == "shared") and each != "kind"]
+    lines = ["| field | default | meaning |", "|---|---|---|"]
+    for each in own:
+        field, required = part["properties"][each], each in part.get("required", ())
+        default = "required" if required else _default(field)
+        lines.append(f"| `{each}` | {default} | {_text(field.get('description', ''))} |")
+    return "\n".join(lines)
+
+
 def packages(name: str) -> str:
     """Format the packages within `twin` or `trackers`, by what each says of itself."""
     root = Path(__file__).parents[2]
@@ -230,7 +247,7 @@ def _code(text: str) -> str:
     return text.replace("|", "\\|")
 
 
-_TABLES = {"list": listed, "packages": packages, "metrics": lambda _: metrics_table()}
+_TABLES = {"list": listed, "packages": packages, "fields": sensor_fields, "metrics": lambda _: metrics_table()}
 _LISTED = re.compile(r"\{\{ (" + "|".join(_TABLES) + r")\b ?(\w*) \}\}")
 
 
@@ -240,5 +257,5 @@ def is_filled(text: str) -> bool:
 
 
 def fill(text: str) -> str:
-    """Replace `{{ list KIND }}`, `{{ packages NAME }}` and `{{ metrics }}` of a page; list the fields of the classes in it."""
+    """Replace `{{ list KIND }}`, `{{ fields NAME }}`, `{{ packages NAME }}`, `{{ metrics }}`; list the fields of classes."""
     return _ENTRY.sub(_entry_with_fields, _LISTED.sub(lambda found: _TABLES[found[1]](found[2]), text))

@@ -128,7 +128,7 @@ class Building:
             on_floor = start + share[:, None] * way + off_m * inwards[:2]
             for height_m in heights_m:
                 found = np.column_stack([on_floor, np.full(len(on_floor), height_m)])
-                wall_m = np.array([self._free_m(place, -inwards) for place in found])
+                wall_m = np.array([self.free_m(place, -inwards) for place in found])
                 off = np.where(np.abs(wall_m - off_m) < _DRAWN_M, off_m - wall_m, 0.0)
                 places.append(found + off[:, None] * inwards)
                 facing.append(np.full(len(found), np.arctan2(inwards[1], inwards[0])))
@@ -136,7 +136,7 @@ class Building:
         free = self.is_indoors(found)
         return found[free], np.concatenate(facing)[free]
 
-    def _free_m(self, place_m: Array, direction: Array, normal: Array | None = None) -> float:
+    def free_m(self, place_m: Array, direction: Array, normal: Array | None = None) -> float:
         """Return the distance from a place (3,) [m] to the first surface in a direction; inf without one. `normal` (3,)
         receives its normal.
         """
@@ -147,7 +147,7 @@ class Building:
     def ceiling_m(self, places_m: Array, from_m: float = 2.0) -> Array:
         """Return the height (n,) [m] of the ceiling, looked for from this height up, over places (n, 2); inf under the sky."""
         up = np.array([0.0, 0.0, 1.0])
-        return np.array([from_m + self._free_m(np.array([x, y, from_m]), up) for x, y in places_m])
+        return np.array([from_m + self.free_m(np.array([x, y, from_m]), up) for x, y in places_m])
 
     def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
         """Return the two nearest walls that are not parallel: distance [m], foot (2,) on the outline, the wall's direction
@@ -181,7 +181,7 @@ class Building:
             for edge in np.flatnonzero((side * outwards[:, axis] > _STRAIGHT) & (length > _LEAST_FACE_M)):
                 for share in _SHARES:  # a picture on the wall is not its face
                     inside = self.outline[edge] + share * way[edge] - _RAY_M * outwards[edge]
-                    wall_m = self._free_m(np.append(inside, _LOOKED_AT_M), np.append(outwards[edge], 0.0))
+                    wall_m = self.free_m(np.append(inside, _LOOKED_AT_M), np.append(outwards[edge], 0.0))
                     found += [inside[axis] * side + wall_m] * (abs(wall_m - _RAY_M) < _DRAWN_M)
             if not found:
                 return None
@@ -191,12 +191,12 @@ class Building:
     def _wall_behind(self, place_m: Array, along: Array) -> tuple[float, Array]:
         """Return the distance [m] to the surface behind an edge of the outline, perpendicular to it, and its direction (2,)."""
         normal = np.zeros(3)
-        wall_m = self._free_m(place_m, np.array([along[1], -along[0], 0.0]), normal)
+        wall_m = self.free_m(place_m, np.array([along[1], -along[0], 0.0]), normal)
         level = np.hypot(*normal[:2])
         if not np.isfinite(wall_m) or level < _UPRIGHT:
             return wall_m, along
         inwards = normal / level * [1, 1, 0]
-        return self._free_m(place_m, -inwards), np.array([inwards[1], -inwards[0]])
+        return self.free_m(place_m, -inwards), np.array([inwards[1], -inwards[0]])
 
 
 _SLACK_M = 1e-6

@@ -35,6 +35,8 @@ _SAME_M = 0.35
 _STEP_M = 0.02
 _OFF_M = (0.02, 0.05, 0.1, 0.15)
 """Distances beyond the face of a wall at which the lintel is looked for [m]."""
+_JAMB_M = 1.0
+"""Height at which the width of a doorway counts [m]."""
 _EDGES = 8
 """Number of edges around each end of a zone by a door."""
 _NAME = re.compile(r"(?<![a-z])doors?(?![a-z])", re.IGNORECASE)
@@ -148,6 +150,20 @@ def _top_m(building: Building, ends: Array) -> float:
     off_m = np.array([0.0, *_OFF_M, *(-each for each in _OFF_M)])
     over = building.ceiling_m(middle + off_m[:, None] * across, from_m=1.0)
     return float(min((each for each in over if each > 1.0 + _STEP_M), default=np.inf))
+
+
+def width_m(building: Building, door: Doorway) -> float:
+    """Return the clear width of a doorway between its jambs [m]; of one closed by a leaf, or without jambs, that of its ends."""
+    middle, way = door.ends.mean(axis=0), door.ends[1] - door.ends[0]
+    drawn_m = float(np.hypot(*way))
+    along = np.append(way / drawn_m, 0.0)
+    across = np.array([along[1], -along[0]])
+    found = []
+    for off_m in (0.0, *_OFF_M, *(-each for each in _OFF_M)):
+        place = np.append(middle + off_m * across, _JAMB_M)
+        clear_m = building.free_m(place, along) + building.free_m(place, -along)
+        found += [clear_m] * (abs(clear_m - drawn_m) < 2 * _WALL_M)
+    return min(found, default=drawn_m)
 
 
 def _gap_m(place: Array, ends: Array) -> float:

@@ -19,7 +19,7 @@ from twin.geometry.geom_hull import hull_points
 from twin.report.palette import LAYER_COLOURS, hex_colour
 from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import Building, room_outline
-from twin.room.doorways import doorways
+from twin.room.doorways import doorways, width_m
 from twin.room.floor_surface import floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.mjcf import DARK_LIGHT, ENOUGH_LIGHT, light_of
@@ -157,7 +157,7 @@ def _beside(furniture: Seat | Bed) -> NDArray[np.float64]:
 
 
 def _mark_doors(axes: Any, world: World) -> None:
-    """Draw a line across each doorway, with the height of its lintel."""
+    """Draw a line across each doorway, with its width and the height of its lintel."""
     model, data, walkable = world.scene.model, world.empty_snapshot(0.0).data, world.scene.walkable
     building = Building.of(
         model,
@@ -168,13 +168,19 @@ def _mark_doors(axes: Any, world: World) -> None:
     )
     for door in doorways(building):
         axes.plot(*door.ends.T, color=_DOOR, linewidth=3, solid_capstyle="butt", zorder=4)
-        height = "" if np.isinf(door.top_m) else f" {door.top_m:.2f} m"
+        height = " m wide" if np.isinf(door.top_m) else f" × {door.top_m:.2f} m"
         x, y = middle = door.ends.mean(axis=0)
         along = (door.ends[1] - door.ends[0]) / np.hypot(*(door.ends[1] - door.ends[0]))
         inwards = np.array([-along[1], along[0]])
         inwards *= np.sign(inwards @ (walkable.mean(axis=0) - middle)) or 1.0
         style = {"fontsize": 7, "color": _DOOR, "ha": "center", "va": "center", "bbox": _LABEL, "zorder": 5}
-        axes.annotate(f"door{height}", (x, y), tuple(inwards * (28, 9)), textcoords="offset points", **style)
+        axes.annotate(
+            f"door {width_m(building, door):.2f}{height}",
+            (x, y),
+            tuple(inwards * (42, 9)),
+            textcoords="offset points",
+            **style,
+        )
 
 
 def _name_things(

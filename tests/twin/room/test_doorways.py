@@ -8,7 +8,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin.room.building import Building
-from twin.room.doorways import cable_route, doorways, piece_across
+from twin.room.doorways import cable_route, doorways, piece_across, width_m
 from twin.room.floor_surface import floor_of
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.studies.candidate_poses import keep_free_zones
@@ -50,11 +50,13 @@ def test_gaps_of_outer_and_inner_walls_and_named_doors_are_doorways(room: Buildi
     outer, inner = doorways(room)
     assert np.sort(outer.ends[:, 0]) == pytest.approx([1.1, 2.0], abs=0.1) and outer.top_m == pytest.approx(LINTEL_M)
     assert np.sort(inner.ends[:, 1]) == pytest.approx([1.2, 2.0], abs=0.05) and inner.top_m == pytest.approx(BEAM_M)
+    assert [width_m(room, each) for each in (outer, inner)] == pytest.approx([0.9, 0.8])
     closed = building(
         oak_door_leaf=("1.55 -0.03 1.0", "0.45 0.02 1.0"), south_1=("1.5 -0.05 1.35", "1.6 0.05 1.35"), lintel=None
     )
     named, _ = doorways(closed)
     assert np.sort(named.ends[:, 0]) == pytest.approx([1.1, 2.0], abs=0.05)
+    assert width_m(closed, named) == pytest.approx(0.9, abs=0.01)
     assert len(doorways(building(outdoor=("1.5 3.9 1", "0.5 0.02 1")))) == 2  # "door" within a word is none
 
 
