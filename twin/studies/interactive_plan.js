@@ -196,6 +196,10 @@ const RoomPlan = (() => {
       return length + 2 * Math.max(0, ...passed.map((each) => each[2] - Math.max(start[2], xyz[2])));
     }));
   }
+  function cableTo(plan, device, sensors) { // to its farthest sensor: itself, or one that it carries
+    const held = sensors.filter((each) => each !== device && each.device === device.device && !each.is_device);
+    return Math.max(...[device, ...held].map((each) => cableLength(plan, each.xyz)));
+  }
   function faultsOf(plan, sensor, sensors) { // why a sensor must not be where it is
     const rules = plan.constraints, [x, y, z] = sensor.xyz, faults = [];
     if (z < 0) faults.push("below the floor");
@@ -213,14 +217,14 @@ const RoomPlan = (() => {
         faults.push(`${gap.toFixed(2)} m from ${other.name}, at least ${rules.apart_m} m is expected`);
       }
     }
-    const most = rules.cable?.most_m, length = most ? cableLength(plan, sensor.xyz) : 0;
+    const most = rules.cable?.most_m, length = most ? cableTo(plan, sensor, sensors) : 0;
     if (most && length > most) faults.push(`${length.toFixed(1)} m of cable, at most ${most} m is expected`);
     return faults;
   }
   function priceOf(plan, sensors) { // of devices and cables; null where nothing costs anything
     const { cable } = plan.constraints, devices = sensors.filter((each) => each.is_device);
     if (!cable?.price_per_m && devices.every((each) => each.price === null)) return null;
-    return devices.reduce((sum, each) => sum + each.price + (cable ? cable.price_per_m * cableLength(plan, each.xyz) : 0), 0);
+    return devices.reduce((sum, each) => sum + each.price + (cable ? cable.price_per_m * cableTo(plan, each, sensors) : 0), 0);
   }
   function placeBeside(plan, sensor, sensors) { // the nearest free place: around a sensor, or as far off the walls as it is
     const [x, y, z] = sensor.xyz, ring = plan.outline, places = [];

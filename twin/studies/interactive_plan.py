@@ -50,14 +50,15 @@ def plan_data(
     extends: str,
     folder: Path = Path(),
     prices: Mapping[str, float | None] | None = None,
+    firsts: Mapping[str, str] | None = None,
     constraints: Constraints | None = None,
     zones: Sequence[KeepFreeZone] = (),
 ) -> dict[str, Any]:
     """Collect the content of the page's plan, ready for JSON.
 
     names: the scanners and cameras on it; area (k, 2) [m]; extends: the scenario file, in `folder`, that the copied YAML
-    extends; prices: of the devices that a study places, by the name of each one's first sensor, None: free; constraints:
-    those of the study, and its `zones` as polygons.
+    extends; prices: of the devices that a study places, by the name of each one's first sensor, None: free; firsts: the
+    first sensor of the device that each other is part of; constraints: those of the study, and its `zones` as polygons.
     """
     return {
         "area": np.round(area, 4).tolist(),
@@ -72,7 +73,9 @@ def plan_data(
         "name": f"{scenario.name}-plan",
         "prisms": room_prisms(building.model, building.data),
         "glass": room_prisms(building.model, building.data, glass=True),
-        "sensors": [_sensor(scenario, name, prices or {}) for name in names],
+        "sensors": [
+            _sensor(scenario, name, prices or {}) | {"device": (firsts or {}).get(name, name)} for name in names
+        ],
         "constraints": _constraints(constraints, zones, building),
         "waist_from_m": WAIST_FROM_M,
         "most_tilt_deg": MOST_TILT_DEG,

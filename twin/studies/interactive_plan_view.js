@@ -84,6 +84,7 @@
     plan.constraints.zones.forEach((zone) => drawZone(pen, zone, ratio));
     pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = "#11151a"; pen.lineWidth = ratio;
     outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
+    drawScale(pen, ratio);
     for (const sensor of drawn()) {
       const together = sensors.filter((each) => Math.hypot(...[0, 1].map((axis) => each.xyz[axis] - sensor.xyz[axis])) * scale < 8 * ratio);
       drawSensor(pen, sensor, together.map((each) => sensors.indexOf(each) + 1).join(","), ratio);
@@ -103,6 +104,14 @@
     pen.textAlign = "center"; pen.textBaseline = "middle";
     for (const way of ["strokeText", "fillText"]) pen[way](name, ...middle);
     pen.restore();
+  }
+  function drawScale(pen, ratio) { // a bar of whole metres, and the directions of x and y
+    const metres = [1, 2, 5, 10, 20, 50].find((each) => each * scale > 50 * ratio) ?? 100, [u, v] = [12 * ratio, canvas.height - 12 * ratio];
+    pen.strokeStyle = pen.fillStyle = colour("--ink"); pen.lineWidth = 1.5 * ratio; pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "left"; pen.textBaseline = "middle"; pen.beginPath();
+    pen.moveTo(u, v - 4 * ratio); pen.lineTo(u, v + 4 * ratio); pen.moveTo(u, v); pen.lineTo(u + metres * scale, v);
+    pen.moveTo(u + metres * scale, v - 4 * ratio); pen.lineTo(u + metres * scale, v + 4 * ratio); pen.stroke();
+    pen.fillText(`${metres} m; x →, y ↑`, u + metres * scale + 6 * ratio, v);
   }
   const drawn = () => [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
   function tipOf(sensor) { // of the arrow, which turns the sensor
@@ -142,7 +151,7 @@
     find("sum").textContent = [
       `seen by at least 1: ${percent(counts.filter((value) => value >= 1).length / total)}`,
       `by at least 2: ${percent(counts.filter((value) => value >= 2).length / total)}`,
-      `blind: ${blind.toFixed(1)} m²`,
+      `blind: ${blind < 1 ? +blind.toPrecision(2) : blind.toFixed(1)} m²`,
       ...(price === null ? [] : [`price ${cable ? "with cables" : "of the devices"}: ${+price.toFixed(2)}`]),
     ].join(" · ");
     for (const [field, value] of Object.entries({
@@ -150,7 +159,9 @@
     })) if (document.activeElement !== find(field)) find(field).value = +value.toFixed(3);
     find("model").value = Math.max(0, models.findIndex((each) => JSON.stringify(each.model) === JSON.stringify(chosen.model)));
     find("name").textContent = chosen.name;
-    find("yaml").value = RoomPlan.yamlOf(plan, sensors, original);
+    const yaml = RoomPlan.yamlOf(plan, sensors, original);
+    if (yaml !== find("yaml").value) find("copied").textContent = "";
+    find("yaml").value = yaml;
     if (![...found.values()].some((each) => each.rough)) root.dataset.floorShares = JSON.stringify(shares);
   }
   function update(changed, rough = false) {
@@ -202,6 +213,7 @@
   models.forEach((each, i) => find("model").add(new Option(`${each.kind} as ${each.name}`, i)));
   find("model").addEventListener("change", (event) => {
     const { kind, model, field, mount_from_sensor, price, role, role_z, is_device } = models[event.target.value];
+    if (is_device !== chosen.is_device) chosen.device = chosen.name; // it is carried no more, or carries nothing
     Object.assign(chosen, { kind, model, field, mount_from_sensor, price, role, role_z, is_device }); update([chosen]);
   });
   find("rows").addEventListener("click", (event) => {
@@ -212,7 +224,7 @@
   find("add").addEventListener("click", () => {
     let number = 2;
     while (sensors.some((each) => each.name === `${chosen.name}_${number}`)) number++;
-    const added = copyOf({ ...chosen, name: `${chosen.name}_${number}` });
+    const added = copyOf({ ...chosen, name: `${chosen.name}_${number}`, device: `${chosen.name}_${number}` });
     added.xyz = RoomPlan.placeBeside(plan, chosen, sensors); sensors.push(added); chosen = added; update([added]);
   });
   find("remove").addEventListener("click", () => {
@@ -224,7 +236,9 @@
   });
   find("copy").addEventListener("click", async () => {
     find("yaml").select();
-    try { await navigator.clipboard.writeText(find("yaml").value); } catch { document.execCommand("copy"); }
+    let copied = true;
+    try { await navigator.clipboard.writeText(find("yaml").value); } catch { copied = document.execCommand("copy"); }
+    find("copied").textContent = copied ? `copied: save it as ${plan.saved_as}` : "not copied: the text below is selected";
   });
   window.addEventListener("resize", draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);

@@ -170,28 +170,30 @@ def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, 
     prepared = results.prepared
     area, building = prepared.scene.area, prepared.candidate_set.building
     names, cell_m = looking_sensors(scenario), cell_size_m(area, _PLAN_CELLS)
-    prices = _prices(results, scenario)
+    prices, firsts = _prices(results, scenario)
     study = prepared.study
     return plan_data(
         scenario, names, building, area, study.coverage, cell_m, extends="recommended.yaml", folder=folder, prices=prices,
-        constraints=study.constraints, zones=prepared.candidate_set.zones,
+        firsts=firsts, constraints=study.constraints, zones=prepared.candidate_set.zones,
     )  # fmt: skip
 
 
-def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float | None]:
-    """Return the price of each device by the name of its first sensor; None if all are free."""
-    candidate_set, prices = results.prepared.candidate_set, dict[str, float | None]()
+def _prices(results: StudyResults, scenario: Scenario) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the price of each device by the name of its first sensor, None if all are free, and the first of every other."""
+    candidate_set, prices, firsts = results.prepared.candidate_set, dict[str, float | None](), dict[str, str]()
     for device_name, device in results.prepared.study.devices.items():
         if device.sensors:
             named = re.compile(rf"{re.escape(device_name)}(-\d+)?")
             mine = [each for each in scenario.sensors if each in device.sensors or named.fullmatch(each)]
             prices |= {each: candidate_set.device_price(device, scenario.sensors[each]) for each in mine}
             continue
-        first = device.sensors_in(results.prepared.scenario)[0]
-        named = re.compile(rf"{re.escape(first)}(-{re.escape(device_name)}-\d+)?")
+        own = device.sensors_in(results.prepared.scenario)
+        named = re.compile(rf"{re.escape(own[0])}(-{re.escape(device_name)}-\d+)?")
         price = candidate_set.device_price(device, None)
-        prices |= {each: price for each in scenario.sensors if named.fullmatch(each)}
-    return prices if any(prices.values()) else dict.fromkeys(prices)
+        for found in filter(None, map(named.fullmatch, scenario.sensors)):
+            prices[found[0]] = price
+            firsts |= {f"{each}{found[1] or ''}": found[0] for each in own}
+    return prices if any(prices.values()) else dict.fromkeys(prices), firsts
 
 
 def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[Any]:

@@ -44,7 +44,10 @@ const find = (row) => {  // the pixel by which the sensor of this row is taken h
 };
 const said = {};
 %s
-document.title = JSON.stringify({ ...said, yaml: part("yaml").value, shares: JSON.parse(plan.dataset.floorShares) });
+queueMicrotask(() => {  // after what a click waits for
+  const end = { feedback: part("copied").textContent, yaml: part("yaml").value, shares: JSON.parse(plan.dataset.floorShares) };
+  document.title = JSON.stringify({ ...said, ...end });
+});
 </script>"""
 
 
@@ -162,7 +165,7 @@ def test_what_a_study_forbids_is_said_and_a_copy_stands_where_it_may(tmp_path: P
     said = read(
         tmp_path / "out" / "report.html",
         """
-        Object.defineProperty(navigator, "clipboard", { value: { writeText: (text) => { said.copied = text; } } });
+        Object.defineProperty(navigator, "clipboard", { value: { writeText: (text) => { said.copied ??= text; } } });
         const set = (name, value) => {
           part(name).value = value; part(name).dispatchEvent(new Event("input", { bubbles: true }));
         };
@@ -173,7 +176,7 @@ def test_what_a_study_forbids_is_said_and_a_copy_stands_where_it_may(tmp_path: P
         part("copy").click(); said.shown = part("yaml").value;
         set("x", 2.8); set("y", 1.3); said.by_the_door = tell();
         set("x", 9); said.outside = tell();
-        part("remove").click(); said.removed = tell();
+        part("remove").click(); said.removed = tell(); part("copy").click();
         """,
     )
     summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
@@ -181,7 +184,7 @@ def test_what_a_study_forbids_is_said_and_a_copy_stands_where_it_may(tmp_path: P
     price = float(said["recommended"]["sum"].rpartition("price with cables: ")[2])
     assert price == pytest.approx(summary["best"]["price"], abs=0.5)
     assert re.fullmatch(r"Not allowed – price [\d.]+: over the budget of 2000.", said["added"]["faults"])
-    assert said["copied"] == said["shown"]
+    assert said["copied"] == said["shown"] and said["feedback"].startswith("copied: save it as ")
     (tmp_path / "out" / "plan.yaml").write_text(said["copied"], "utf-8")
     copied, own = (load_scenario(tmp_path / "out" / name).sensors for name in ("plan.yaml", "recommended.yaml"))
     assert copied["waist"] == own["waist"]

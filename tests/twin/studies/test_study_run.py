@@ -9,6 +9,8 @@ import json
 import os
 import re
 import shlex
+import shutil
+import subprocess
 import warnings
 from html import unescape
 from pathlib import Path
@@ -306,9 +308,18 @@ ONE_RIG_SEES_ALL = {
 def test_of_placements_that_cover_alike_the_cheapest_is_recommended(tmp_path: Path) -> None:
     cable = {"from": [2.9, 2.9, 0.3], "price_per_m": 10}
     path = written(tmp_path, **ONE_RIG_SEES_ALL, constraints__cable=cable)
-    summary = run(path, tmp_path / "out")
+    summary = run(path, tmp_path / "out", page=True)
     assert summary["best"]["candidate"] in [row["candidate"] for row in summary["pareto"]]
     assert summary["best"]["price"] < summary["baseline"]["price"]
+    if node := shutil.which("node"):  # the page measures the cable to the farthest sensor of a rig too
+        page = (tmp_path / "out" / "report.html").read_text()
+        (content,) = re.findall(r'id="plan-data">(.*?)</script>', page, re.DOTALL)
+        code = f"const plan = P.planOf({content}); console.log(P.priceOf(plan, plan.sensors));"
+        script = Path(study_run.__file__).with_name("interactive_plan.js")
+        done = subprocess.run(
+            [node, "-e", f"const P = require({str(script)!r}); {code}"], capture_output=True, check=True
+        )
+        assert float(done.stdout) == pytest.approx(summary["best"]["price"], abs=0.1)
 
 
 def test_a_number_of_devices_that_another_beats_is_shown_too(
