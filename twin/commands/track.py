@@ -157,16 +157,18 @@ def evaluate(
     from twin.recording.tables import read_tracks, read_truth
     from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
     from twin.tables.contents import sequence_info, sequence_info_of
-    from twin.tables.person_rows import mot_stamp_ns
+    from twin.tables.person_rows import exported_stamps_ns, mot_stamp_ns
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
-    is_mot, n_frame = format_ == "mot", 0
+    is_mot, n_frame, exported = format_ == "mot", 0, None
     if is_mot:
         info = sequence_info_of(truth) or sequence_info_of(tracks)
         if info is not None:
             rate_hz, n_frame = sequence_info(info)
+            exported = exported_stamps_ns(info, n_frame) if frame_rate is None else None
             used = "" if frame_rate in (None, rate_hz) else f"; --frame-rate {frame_rate:g} is used"
+            used += "" if exported is None else ", at the times of frames.csv"
             sys.stderr.write(f"twin: {printable(str(info))}: {rate_hz:g} frames a second, {n_frame} frames{used}\n")
             frame_rate = frame_rate if frame_rate is not None else rate_hz
     how = MOST_TABLE_BYTES, frame_rate, "--frame-rate"
@@ -175,7 +177,12 @@ def evaluate(
         stamps = np.unique(np.concatenate([each.frame_stamps_ns for each in tables]))
         if n_frame and frame_rate is not None:
             stamps = np.union1d(stamps, [mot_stamp_ns(number, frame_rate) for number in range(1, n_frame + 1)])
-        tables = replace(tables[0], frame_stamps_ns=stamps), replace(tables[1], frame_stamps_ns=stamps)
+        times = exported if exported is not None and exported.size == stamps.size else stamps
+        truth_ns, tracks_ns = (times[np.searchsorted(stamps, each.stamps_ns)] for each in tables)
+        tables = (
+            replace(tables[0], frame_stamps_ns=times, stamps_ns=truth_ns),
+            replace(tables[1], frame_stamps_ns=times, stamps_ns=tracks_ns),
+        )
     if os.path.samefile(truth, tracks):
         print_warning(f"{truth}: is given as truth and as tracks, and is compared with itself")
     tables = on_clock_of_tracks(tables[0], tables[1], tracks), tables[1]

@@ -202,7 +202,7 @@ def read_truth(
     notes = found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found))
     if "status" in rows.cells:
         notes += (
-            f"{path}: is taken for truth, though its column status is one of tracks; right only where its tracks are",
+            f"{path}: is read as truth and holds tracks by its column status; unless that is meant, truth comes first",
         )
     return TruthTable(
         str(path),

@@ -116,6 +116,26 @@ def mot_stamp_ns(frame: int, rate_hz: float) -> int:
     return round(NS_PER_S * frame / rate_hz) - round(NS_PER_S / rate_hz)
 
 
+def exported_stamps_ns(info: Path, n_frame: int) -> NDArray[np.int64] | None:
+    """Read the stamps of a sequence's frames (n,) [ns] from the frames.csv that `twin export` writes beside its seqinfo.ini.
+
+    None without one. Raises InputError for other frames than 1 to n in order.
+    """
+    path = info.with_name("frames.csv")
+    if not path.is_file():
+        return None
+    found = read_cells(path, "the times of a sequence's frames (frame,t)", None)
+    if found.header != ["frame", "t"]:
+        return None  # of another program
+    columns = columns_of(str(path), ["frame", "t"], found)
+    numbers, stamps = columns.integers("frame", 1), columns.stamps_ns("t")
+    if numbers.tolist() != list(range(1, n_frame + 1)) or (np.diff(stamps) <= 0).any():
+        raise InputError(
+            f"{path}: holds {len(numbers)} frames; 1 to {n_frame}, as {info.name} says, at ascending times are expected"
+        )
+    return stamps
+
+
 def _rows_in_comments(path: Path, found: Cells, width: int) -> list[str]:
     """Describe comments below the header that look like rows."""
     first = min(found.lines, default=found.header_line)

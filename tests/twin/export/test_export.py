@@ -14,6 +14,7 @@ from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
 from typer.testing import CliRunner
 
+from trackers.observations import NS_PER_S
 from trackers.rig import placed_camera
 from twin.cli import app
 from twin.export.coco import run_lengths
@@ -116,6 +117,8 @@ def test_the_ground_is_judged_alike_by_motmetrics_and_by_ourselves(run: Path, tm
     own = json.loads((run / "metrics.json").read_text())["trackers"]["sort"]
     read = CliRunner().invoke(app, ["evaluate", *map(str, files), "--format", "mot"])
     assert read.exit_code == 0, read.output
+    stamps_s = read_tracks(run / "tracks/sort.csv").frame_stamps_ns / NS_PER_S
+    assert f"{stamps_s.size} frames judged, {stamps_s[0]:g} to {stamps_s[-1]:g} s" in read.stderr
     for ours in (own, json.loads(read.stdout)):
         assert theirs["mota"] == pytest.approx(ours["mota"]) and theirs["idf1"] == pytest.approx(ours["idf1"])
         assert theirs["num_misses"] == ours["misses"] and theirs["num_switches"] == ours["id_switches"]

@@ -123,7 +123,8 @@ def test_tracks_in_the_place_of_truth_are_told(tmp_path: Path) -> None:
     table = tmp_path / "tracks.csv"
     table.write_text("t,id,x,y,status\n0.0,1,0.5,0.5,confirmed\n0.1,1,0.6,0.5,coasting\n")
     assert any(
-        "is taken for truth, though its column status is one of tracks" in note for note in read_truth(table).notes
+        "is read as truth and holds tracks by its column status; unless that is meant" in note
+        for note in read_truth(table).notes
     )
 
 
