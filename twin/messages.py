@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import re
 import sys
 import warnings
@@ -96,8 +95,10 @@ def counted(count: int, one: str, many: str = "") -> str:
 
 
 def short_path(path: str | Path) -> str:
-    """Format a path as it is, or from the working folder where that is shorter."""
-    return min(str(path), os.path.relpath(path), key=len)
+    """Format a path from the working folder where it is below that, else as it is."""
+    path = Path(path)
+    is_below = path.is_absolute() and path.is_relative_to(Path.cwd())
+    return str(path.relative_to(Path.cwd()) if is_below else path)
 
 
 def printable_name(name: str) -> str:

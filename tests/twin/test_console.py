@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from twin.console import PlainConsole, print_metrics, print_paths, print_table, print_warning, without_empty
-from twin.messages import TrackerLog, at_work
+from twin.messages import TrackerLog, at_work, short_path
 
 
 def test_paths_stand_in_one_column(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,3 +104,12 @@ def test_what_a_tracker_logs_begins_with_the_name_that_was_typed(capsys: pytest.
     TrackerLog.printed.clear()
     said = [line.removeprefix("twin: warning: ") for line in capsys.readouterr().err.splitlines()]
     assert said == ["laser-imm: one", "mine: one", "laser-fisheye-imm: one"]
+
+
+def test_a_path_below_the_working_folder_is_named_from_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any other stays as it was given: one with `..` would lead elsewhere from elsewhere."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert short_path(tmp_path / "here" / "out" / "report.html") == str(Path("out", "report.html"))
+    for path in (str(tmp_path / "baseline.json"), "../baseline.json", "out/report.html"):
+        assert short_path(path) == path
