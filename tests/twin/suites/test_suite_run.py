@@ -285,7 +285,8 @@ def test_what_a_case_has_left_goes_when_it_is_done_again_for_an_edited_scenario(
 def test_the_gate_passes_then_fails_and_says_where_to_look(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    baseline = str(tmp_path / "baseline.json")
+    monkeypatch.chdir(tmp_path)
+    baseline = "baseline.json"
     common = ["run", str(suite), "--jobs", "1", "--baseline", baseline]
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "a"), "--update-baseline")
     assert code == 0 and "baseline.json" in text
