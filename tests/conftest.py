@@ -121,7 +121,7 @@ def pytest_testnodedown(node: Any) -> None:
         WORKERS[node.gateway.id] = peaks
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+def pytest_terminal_summary(terminalreporter: "pytest.TerminalReporter") -> None:  # not in pytest 8.3
     """Print the peak memory of each worker."""
     for worker, peaks in sorted(WORKERS.items()):
         of_files = "; ".join(f"{mib:.0f} MiB in {file}" for mib, file in peaks)
