@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from math import isinf, isnan
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
@@ -28,8 +28,16 @@ Kind = TypeVar("Kind", bound=Observation)
 _SEED = 0
 _PLAIN, _SECOND = "plain run", "second run"
 """Runs without a fault of a sensor; faults of the first are not repeated for the others."""
-_FIRST = "; the first: "
-"""Beginning of the first case of a violation."""
+
+
+class _Violation(NamedTuple):
+    """A broken rule of the contract, and the first case of it, where there is one."""
+
+    rule: str
+    first: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.rule}; the first: {self.first}" if self.first else self.rule
 
 
 def check_tracker(
@@ -45,6 +53,7 @@ def check_tracker(
     everywhere.
     """
     violations: list[str] = []
+    of_plain: set[str] = set()
 
     def frames_of(what: str, fed: Iterable[Observation]) -> list[TrackFrame]:
         seen: list[Any] = []
@@ -52,12 +61,13 @@ def check_tracker(
             tracker = make(rig, background, np.random.default_rng(_SEED))
             at_work = FedTracker(tracker, rig, on_worked=lambda: seen.extend(_seen(tracker)))
             frames = [frame for observation in fed for frame in at_work.update(observation)] + at_work.finish()
-            faults = [*_faults(frames), *_faults_of_seen(seen, rig), *misreported(tracker, rig)]
+            faults = [*_faults(frames), *_faults_of_seen(seen, rig), *map(_Violation, misreported(tracker, rig))]
         except PLUG_IN_ERRORS as error:  # whatever a plug-in raises is what its author wants to read
             violations.append(f"{what}: {raised(error)}")
             return []
-        known = {_kind(each) for each in violations if each.startswith(f"{_PLAIN}: ")}
-        violations.extend(f"{what}: {fault}" for fault in faults if _kind(f"{_PLAIN}: {fault}") not in known)
+        violations.extend(f"{what}: {fault}" for fault in faults if fault.rule not in of_plain)
+        if what == _PLAIN:
+            of_plain.update(fault.rule for fault in faults)
         return frames
 
     try:
@@ -99,9 +109,9 @@ def _corrupted(given: Recording) -> Iterator[tuple[str, Recording]]:
             yield what, corrupted
 
 
-def _kind(violation: str) -> str:
-    """Return a violation without its first case."""
-    return violation.partition(_FIRST)[0]
+def _first(rule: str, cases: Iterable[str]) -> list[_Violation]:
+    """Return the fault of a rule that has any case; none without."""
+    return [_Violation(rule, case) for case in itertools.islice(cases, 1)]
 
 
 def raised(error: BaseException) -> str:
@@ -114,54 +124,61 @@ def raised(error: BaseException) -> str:
     return f"raised {type(error).__name__}: {error}{where}"
 
 
-def _faults(frames: Sequence[TrackFrame]) -> list[str]:
+def _faults(frames: Sequence[TrackFrame]) -> list[_Violation]:
     wrong = {type(frame).__name__ for frame in frames if not isinstance(frame, TrackFrame)}
     if wrong:
-        return [f"update or finish gave {', '.join(sorted(wrong))}; a list of TrackFrame is expected"]
-    faults = []
+        return [_Violation(f"update or finish gave {', '.join(sorted(wrong))}; a list of TrackFrame is expected")]
     stamps = [frame.stamp_ns for frame in frames]
-    for stamp in [each for each in stamps if not isinstance(each, int)][:1]:
-        return [f"a stamp is not an int{_FIRST}{reprlib.repr(stamp)} ({type(stamp).__name__})"]
-    for earlier, later in [(one, two) for one, two in itertools.pairwise(stamps) if two <= one][:1]:
-        faults.append(f"stamps do not rise from frame to frame{_FIRST}{later} ns after {earlier} ns")
+    if faults := _first("a stamp is not an int", (_shown(each) for each in stamps if not isinstance(each, int))):
+        return faults
+    pairs = itertools.pairwise(stamps)
+    faults = _first(
+        "stamps do not rise from frame to frame",
+        (f"{later} ns after {earlier} ns" for earlier, later in pairs if later <= earlier),
+    )
     tracks = [track for frame in frames for track in frame.tracks]
     if wrong := {type(track).__name__ for track in tracks if not isinstance(track, Track)}:
-        return [*faults, f"a track is of type {', '.join(sorted(wrong))}; trackers.tracks.Track is expected"]
+        return [
+            *faults,
+            _Violation(f"a track is of type {', '.join(sorted(wrong))}; trackers.tracks.Track is expected"),
+        ]
     for name in _NUMBERS:
         values = [getattr(track, name) for track in tracks]
         if no_numbers := {type(each).__name__ for each in values if not isinstance(each, int | float | np.number)}:
-            faults.append(f"{name} of a track is of type {', '.join(sorted(no_numbers))}; a number is expected")
+            faults.append(
+                _Violation(f"{name} of a track is of type {', '.join(sorted(no_numbers))}; a number is expected")
+            )
     if faults:
         return faults
-    for frame in [each for each in frames if len({track.id for track in each.tracks}) < len(each.tracks)][:1]:
-        faults.append(f"an id stands twice in a frame{_FIRST}{[each.id for each in frame.tracks]} at {_seconds(frame)}")
-    return faults + _faults_of_tracks(frames)
+    ids = ((frame, [track.id for track in frame.tracks]) for frame in frames)
+    twice = (f"{each} at {_seconds(frame)}" for frame, each in ids if len(set(each)) < len(each))
+    return [*_first("an id stands twice in a frame", twice), *_faults_of_tracks(frames)]
 
 
-def _faults_of_tracks(frames: Sequence[TrackFrame]) -> list[str]:
-    """Return a sentence per rule that a track breaks, with the first one that does."""
-    rules: dict[str, Callable[[Track], dict[str, Any]]] = {
-        "an id is not an int from 1 up to 2**63 - 1": lambda track: (
-            {} if type(track.id) is int and 1 <= track.id < _IDS_END else {"id": track.id}
-        ),
-        "x or y is NaN": lambda track: {name: getattr(track, name) for name in "xy" if isnan(getattr(track, name))},
-        "a track holds an infinite number": lambda track: {
-            name: getattr(track, name) for name in _NUMBERS if isinf(getattr(track, name))
-        },
-        "a radius95_m is not above 0": lambda track: {"radius95_m": track.radius95_m} if track.radius95_m <= 0 else {},
-        f"a status is none of {', '.join(get_args(Status))}": lambda track: (
-            {} if track.status in get_args(Status) else {"status": track.status}
-        ),
+def _faults_of_tracks(frames: Sequence[TrackFrame]) -> list[_Violation]:
+    """Return a fault per rule that a track breaks, with the first one that does."""
+    rules: dict[str, tuple[Sequence[str], Callable[[Any], bool]]] = {
+        "an id is not an int from 1 up to 2**63 - 1": (["id"], lambda id_: type(id_) is int and 1 <= id_ < _IDS_END),
+        "x or y is NaN": (["x", "y"], lambda value: not isnan(value)),
+        "a track holds an infinite number": (_NUMBERS, lambda value: not isinf(value)),
+        "a radius95_m is not above 0": (["radius95_m"], lambda radius_m: not radius_m <= 0),
+        f"a status is none of {', '.join(get_args(Status))}": (["status"], lambda status: status in get_args(Status)),
     }
     faults = []
-    for rule, wrong in rules.items():
-        cases = ((frame, track, held) for frame in frames for track in frame.tracks if (held := wrong(track)))
-        for frame, track, held in itertools.islice(cases, 1):
-            name, value = next(iter(held.items()))
-            of = "" if name == "id" else f" of track {track.id}"
-            shown = f"{name}{of} is {reprlib.repr(value)} ({type(value).__name__})"
-            faults.append(f"{rule}{_FIRST}{shown} at {_seconds(frame)}")
+    for rule, (names, holds) in rules.items():
+        cases = (
+            f"{name}{'' if name == 'id' else f' of track {track.id}'} is {_shown(value)} at {_seconds(frame)}"
+            for frame in frames
+            for track in frame.tracks
+            for name in names
+            if not holds(value := getattr(track, name))
+        )
+        faults += _first(rule, cases)
     return faults
+
+
+def _shown(value: object) -> str:
+    return f"{reprlib.repr(value)} ({type(value).__name__})"
 
 
 def _seconds(frame: TrackFrame) -> str:
@@ -174,19 +191,21 @@ def _seen(tracker: Tracker) -> list[Any]:
     return seen if isinstance(seen, list) else [seen]
 
 
-def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[str]:
+def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[_Violation]:
     wrong = {type(each).__name__ for each in seen if not isinstance(each, Detection)}
     if wrong:
-        return [f"detections() gave {', '.join(sorted(wrong))}; a list of Detection is expected"]
-    faults = []
-    for each in [each for each in seen if not each.sensors or not set(each.sensors) <= rig.sensors.keys()][:1]:
-        known = ", ".join(rig.sensors)
-        faults.append(
-            f"a detection is of no sensor of the rig ({known}){_FIRST}sensors is {reprlib.repr(each.sensors)}"
-        )
-    for each in [each for each in seen if isnan(each.x) or isnan(each.y)][:1]:
-        faults.append(f"a detection's x or y is NaN{_FIRST}x {each.x}, y {each.y}")
-    return faults
+        return [_Violation(f"detections() gave {', '.join(sorted(wrong))}; a list of Detection is expected")]
+    unknown = (each for each in seen if not each.sensors or not set(each.sensors) <= rig.sensors.keys())
+    return [
+        *_first(
+            f"a detection is of no sensor of the rig ({', '.join(rig.sensors)})",
+            (f"sensors is {reprlib.repr(each.sensors)}" for each in unknown),
+        ),
+        *_first(
+            "a detection's x or y is NaN",
+            (f"x {each.x}, y {each.y}" for each in seen if isnan(each.x) or isnan(each.y)),
+        ),
+    ]
 
 
 _IDS_END = 2**63

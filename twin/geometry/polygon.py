@@ -105,7 +105,15 @@ def inset(corners: Array, margin_m: float) -> Array | None:
 
 def nearest_on(corners: Array, place: Array) -> Array:
     """Return the place (2,) [m] nearest to `place` on the border of the polygon (k, 2)."""
+    return foot_on(corners, place)[1]
+
+
+def foot_on(corners: Array, place: Array) -> tuple[float, Array]:
+    """Return how far along the border of the polygon (k, 2) its place nearest to `place` is [m], and that place (2,) [m]."""
     way = np.roll(corners, -1, axis=0) - corners
     along = ((place - corners) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)
-    feet = corners + np.clip(along, 0.0, 1.0)[:, None] * way
-    return feet[np.hypot(*(feet - place).T).argmin()]
+    along = np.clip(along, 0.0, 1.0)
+    feet = corners + along[:, None] * way
+    edge = int(np.hypot(*(feet - place).T).argmin())
+    length = np.hypot(*way.T)
+    return float(length[:edge].sum() + along[edge] * length[edge]), feet[edge]

@@ -14,9 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import edge_gaps
 from trackers.arrays import Array
 from twin.geometry.geom_hull import hull_points, stands_still
-from twin.geometry.polygon import thickness_m
+from twin.geometry.polygon import foot_on, thickness_m
 from twin.room.building import Building
 from twin.room.walkable import standing_footprints
 
@@ -69,12 +70,12 @@ def doorways(building: Building) -> tuple[Doorway, ...]:
     found: list[Doorway] = []
     for ends, is_outer in [*_gaps(building), *((each, True) for each in _named(building)), *_inner(building)]:
         middle = ends.mean(axis=0)
-        if any(_gap_m(middle, each.ends) < _SAME_M for each in found):
+        if any(edge_gaps(each.ends, middle[None]).min() < _SAME_M for each in found):
             continue
         top_m = _top_m(building, ends)
         if np.isinf(top_m) and np.hypot(*(ends[1] - ends[0])) > _OPEN_M:
             continue
-        on_edge = is_outer and np.hypot(*(_foot(building.outline, middle)[1] - middle)) < _SAME_M
+        on_edge = is_outer and edge_gaps(building.outline, middle[None]).min() < _SAME_M
         span = _span(building.outline, ends) if on_edge else None
         found.append(Doorway(ends, top_m, span))
     return tuple(found)
@@ -166,23 +167,6 @@ def width_m(building: Building, door: Doorway) -> float:
     return min(found, default=drawn_m)
 
 
-def _gap_m(place: Array, ends: Array) -> float:
-    """Return the distance of a place (2,) from a line between ends (2, 2) [m]."""
-    way = ends[1] - ends[0]
-    along = np.clip((place - ends[0]) @ way / max(float(way @ way), 1e-12), 0, 1)
-    return float(np.hypot(*(ends[0] + along * way - place)))
-
-
-def _foot(outline: Array, place_m: Array) -> tuple[float, Array]:
-    """Return the nearest point (2,) on an outline (k, 2) to a place, and how far along the outline it is [m]."""
-    way = np.roll(outline, -1, axis=0) - outline
-    length = np.hypot(*way.T)
-    along = np.clip(((place_m[:2] - outline) * way).sum(axis=1) / length**2, 0, 1)
-    feet = outline + along[:, None] * way
-    edge = int(np.hypot(*(feet - place_m[:2]).T).argmin())
-    return float(length[:edge].sum() + along[edge] * length[edge]), feet[edge]
-
-
 def _around_m(outline: Array) -> float:
     return float(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T).sum())
 
@@ -190,7 +174,7 @@ def _around_m(outline: Array) -> float:
 def _span(outline: Array, ends: Array) -> tuple[float, float]:
     """Return where a doorway begins and ends along the outline, by the shorter way [m]; the end may be beyond one turn."""
     around_m = _around_m(outline)
-    one, other = (_foot(outline, each)[0] for each in ends)
+    one, other = (foot_on(outline, each)[0] for each in ends)
     width = (other - one) % around_m
     return (one, one + width) if width <= around_m / 2 else (other, other + around_m - width)
 
@@ -211,7 +195,7 @@ class CableRoute:
 def cable_route(building: Building, doors: Sequence[Doorway], start_m: Array, place_m: Array) -> CableRoute:
     """Return the shorter of the two routes along the walls between two points (3,) [m]: to the wall, along it, and off it."""
     outline, around_m = building.outline, _around_m(building.outline)
-    (first_m, foot), (last_m, end) = _foot(outline, start_m), _foot(outline, place_m)
+    (first_m, foot), (last_m, end) = (foot_on(outline, each[:2]) for each in (start_m, place_m))
     corners_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline, axis=0).T))])
     off_m = float(np.hypot(*(foot - start_m[:2])) + np.hypot(*(end - place_m[:2])) + abs(place_m[2] - start_m[2]))
     routes = []

@@ -118,13 +118,19 @@ def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
 
 
-_MOVES = " (which moves)"
+@dataclass(frozen=True)
+class FrameOfTracks:
+    """Frame in which a tracker's tracks are: as a reader knows it, and the frame_id of their markers in a copy of the bag."""
+
+    text: str
+    frame_id: str
 
 
-def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[str, str]:
+def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[str, FrameOfTracks]:
     """Name the frame of each tracker's tracks: the rig's `room`, or, where that is no other, the frame of odometry or scanner.
 
-    A tracker that makes no use of odometry has those of a scanner on a base in the base's frame.
+    A tracker that makes no use of odometry has those of a scanner on a base in the base's frame. Markers are in `room` where
+    no transforms name the frame.
     """
     rig, frames = bag.rig, {}
     main, mounted = rig.main_sensor, rig.mounted()
@@ -135,18 +141,13 @@ def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[s
         is_at_origin = isinstance(pose, Pose) and not any((*pose.xyz, *pose.rpy))
         if sensor != main and sensor in unused_sensors(each.tracker):
             base = rig.odometry()[sensor].base_frame
-            frames[each.name] = f"{base}{_MOVES}" if base else f"the base of {sensor}{_MOVES}"
+            frames[each.name] = FrameOfTracks(f"{base or f'the base of {sensor}'} (which moves)", base or ROOM_FRAME)
+        elif named := report_frame(each.tracker):
+            frames[each.name] = FrameOfTracks(named, ROOM_FRAME)
         else:
             in_rig = own if own and is_at_origin and not bag.is_twin else ROOM_FRAME
-            frames[each.name] = report_frame(each.tracker) or in_rig
+            frames[each.name] = FrameOfTracks(in_rig, in_rig)
     return frames
-
-
-def frames_of_markers(frames: Mapping[str, str], runners: Sequence[TrackerRunner]) -> dict[str, str]:
-    """Return the frame_id of each tracker's markers in a copy: the frame of its tracks, `room` where transforms name no such."""
-    own = {each.name for each in runners if report_frame(each.tracker)}
-    ids = {name: frame.removesuffix(_MOVES) for name, frame in frames.items()}
-    return {name: ROOM_FRAME if name in own or " " in frame else frame for name, frame in ids.items()}
 
 
 def other_frame_warnings(rig: Rig, results: Sequence[TrackerResult]) -> list[str]:

@@ -39,7 +39,6 @@ from twin.run.outcome import (
     RunResult,
     early_warnings,
     evaluate_trackers,
-    frames_of_markers,
     frames_of_tracks,
     other_frame_warnings,
     prior_notes,
@@ -219,7 +218,8 @@ class _Replay:
     def finish(self, fed: Feed, out: OutFolder) -> RunResult:
         """Evaluate and write metrics, report and the bag's copy; return the result."""
         folder = out.path
-        self._frame_of = frames_of_tracks(self.bag, fed.runners)
+        placed = frames_of_tracks(self.bag, fed.runners)
+        self._frame_of = {name: each.text for name, each in placed.items()}
         facts = self._facts(fed)
         results, refused = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
         self._write_about(folder / ABOUT)
@@ -252,7 +252,7 @@ class _Replay:
                 if self.own_truth is None
                 else truth_at(self.own_truth, self.bag.all_stamps_ns(), self.bag.stamps_of(self.bag.rig.main_sensor))
             )
-            frame_ids = frames_of_markers(self._frame_of, fed.runners)
+            frame_ids = {name: each.frame_id for name, each in placed.items()}
             copy_with_tracks(self.bag, self.bag_copy, names, frames, self.on_warning, truth=own, frame_ids=frame_ids)
             left = left | {"bag": self.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
