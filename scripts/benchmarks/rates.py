@@ -13,7 +13,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from multiprocessing.pool import AsyncResult
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.figure import Figure
-from benchmarks.real_twins import f1, recorded_people
+from benchmarks.real_twins import f1
 from benchmarks.recorded_legs import DATA
+from benchmarks.recorded_twin import recording
 from trackers.observations import NS_PER_S
 from trackers.presets import PRESETS
 from twin.environment.run import write_environment
@@ -206,16 +207,13 @@ def _recorded() -> Iterator[Figure]:
         print(f"rates: recorded scans skipped, there are none at {DATA}", file=sys.stderr)
         return
     for number in (1, 2, 3):
-        scans, people, box = recorded_people(number)
-        usual = f1("laser-legs", scans, people, box)
+        real = recording(number)
+        usual, start_ns = f1("laser-legs", real), real.scans[0].stamp_ns
         for how, (rate, jitter, every) in _RESTAMPED.items():
-            rng, start_ns = np.random.default_rng(number), scans[0].stamp_ns
-            reported, there = [], {}
-            for scan in scans[::every]:
+            rng, stamps_ns = np.random.default_rng(number), {}
+            for place in range(0, len(real.scans), every):
                 off_ns = jitter * NS_PER_S / 7.5 * rng.normal()
-                stamp_ns = round(start_ns + (scan.stamp_ns - start_ns) * rate + off_ns)
-                reported.append(replace(scan, stamp_ns=stamp_ns))
-                there[stamp_ns] = people[scan.stamp_ns]
-            got = f1("laser-legs", sorted(reported, key=lambda scan: scan.stamp_ns), there, box)
+                stamps_ns[place] = round(start_ns + (real.scans[place].stamp_ns - start_ns) * rate + off_ns)
+            got = f1("laser-legs", real.restamped(stamps_ns))
             name = f"positive_{number}, laser-legs {how}: F1 {got:.3f}, less {usual:.3f} as recorded"
             yield Figure(name, got - usual, "", ">= -0.03")
