@@ -1,7 +1,7 @@
 """Tables and values of docs/figures.json as Markdown, for the pages and the README.
 
 A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ figures SOURCE across=METRIC }}`,
-`{{ figures SOURCE rows=PATTERN [rest=none] }}`, `{{ papers }}` or `{{ all KIND }}` on a line of its own, or
+`{{ figures SOURCE rows=PATTERN [rest=none|source] }}`, `{{ papers }}` or `{{ all KIND }}` on a line of its own, or
 `{{ value SOURCE | where | row | column }}` within a sentence; the README holds its table between two comments, which
 `scripts/figures readme` fills.
 """
@@ -39,7 +39,7 @@ def fill(text: str) -> str:
         source, *options = given.split()
         chosen = dict(option.split("=", 1) for option in options)
         if "rows" in chosen:
-            return grouped_table(source, chosen["rows"], with_rest=chosen.get("rest") != "none")
+            return grouped_table(source, chosen["rows"], chosen.get("rest", "rows"))
         if "across" in chosen:
             return conditions_table(source, chosen["across"])
         return figures_table(source, chosen.get("where"), chosen["columns"].split(",") if "columns" in chosen else None)
@@ -104,10 +104,11 @@ def figures_table(source: str, where: str | None = None, columns: Sequence[str] 
     return "\n".join(lines) + "\n\n" + provenance(source)
 
 
-def grouped_table(source: str, pattern: str, with_rest: bool = True) -> str:
+def grouped_table(source: str, pattern: str, rest: str = "rows") -> str:
     """Format a bench by the groups `where`, `row`, `column` and `n` of a pattern of its rows; rows of other forms below.
 
-    with_rest: False for one of several tables of a source, without these rows and the line of where they come from.
+    rest: of several tables of a source, 'none' for one without these rows and the line of where they come from, 'source' for
+    one with this line alone.
     """
     found = [(re.fullmatch(pattern, each["row"]), each) for each in _source(source)["figures"]]
     cells = {(f"{match['where']}, {match['n']}", match["row"], match["column"]): each for match, each in found if match}
@@ -122,10 +123,12 @@ def grouped_table(source: str, pattern: str, with_rest: bool = True) -> str:
             texts = ["–" if each is None else format_value(each) for each in shown]
             shown_row = row if " " in row else f"`{row}`"
             lines.append(f"| {'' if number else where} | {shown_row} | {' | '.join(texts)} |")
-    if not with_rest:
-        return "\n".join(lines)
-    rest = _bench_table([each for match, each in found if not match])
-    return "\n\n".join(["\n".join(lines), rest, provenance(source)])
+    parts = ["\n".join(lines)]
+    if rest == "rows":
+        parts.append(_bench_table([each for match, each in found if not match]))
+    if rest != "none":
+        parts.append(provenance(source))
+    return "\n\n".join(parts)
 
 
 def conditions_table(source: str, metric: str) -> str:
