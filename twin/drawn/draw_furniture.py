@@ -13,11 +13,14 @@ import numpy as np
 from trackers.arrays import Array
 from twin.drawn.distributions import DrawnRoom, draw_count
 from twin.drawn.floor_plan import CELL_M, DOOR_M, KEEP_M, PARTITION_M, FloorPlan, FreeSpace, Wall
+from twin.geometry.polygon import overlap
 
 _TRIES = 30
 _OFF_WALL_M = 0.02
 _STAND_M = KEEP_M + CELL_M
 """Distance from a piece at which one stands before one sits or lies down [m]."""
+_ELBOWS_M = 0.38
+"""Room for a broad person beside the middle of a seat [m]."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,12 @@ class Piece:
         """Return its corners (4, 2) in the plan's frame [m], grown on all sides, and to the front."""
         x, y0, y1 = self.width_m / 2 + grown_m, -grown_m, self.depth_m + grown_m + ahead_m
         return self.placed(np.array([[-x, y0], [x, y0], [x, y1], [-x, y1]]))
+
+    def elbow_room(self) -> Array:
+        """Return the corners (4, 2) of the footprint with room for the arms of people on its seats [m]."""
+        sides = [abs(spot.place[0]) + _ELBOWS_M for spot in self.spots if spot.kind == "seat"]
+        x = max([self.width_m / 2, *sides])
+        return self.placed(np.array([[-x, 0.0], [x, 0.0], [x, self.depth_m], [-x, self.depth_m]]))
 
 
 def _table(rng: np.random.Generator) -> Piece:
@@ -282,25 +291,25 @@ def _chairs(
 
 def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -> bool:
     """Take the piece's footprint from `space` if it may stand there."""
-    footprint = piece.footprint()
-    edges = np.concatenate([footprint, (footprint + np.roll(footprint, -1, axis=0)) / 2, footprint.mean(axis=0)[None]])
-    if not plan.is_within(edges).all() or any(_overlap(piece.footprint(0.05), other.footprint()) for other in others):
+    footprint, room = piece.footprint(), piece.elbow_room()
+    edges = np.concatenate([room, (room + np.roll(room, -1, axis=0)) / 2, room.mean(axis=0)[None]])
+    if not plan.is_within(edges).all() or any(overlap(piece.footprint(0.05), other.footprint()) for other in others):
         return False
-    if any(_overlap(footprint, other.footprint(ahead_m=other.free_m)) for other in others):
-        return False
-    if any(_overlap(piece.footprint(ahead_m=piece.free_m), other.footprint()) for other in others):
-        return False
+    for other in others:
+        theirs = other.footprint()
+        if overlap(footprint, other.footprint(ahead_m=other.free_m)) or overlap(footprint, other.elbow_room()):
+            return False
+        if overlap(piece.footprint(ahead_m=piece.free_m), theirs) or overlap(room, theirs):
+            return False
     for partition in plan.partitions:
         wall = partition.wall
         line = [(0.0, partition.gap_m[0]), (partition.gap_m[1], wall.length_m)]
-        if any(_overlap(footprint, _strip(wall, first, last, PARTITION_M / 2)) for first, last in line):
+        if any(overlap(room, _strip(wall, first, last, PARTITION_M / 2)) for first, last in line):
             return False
-        if _overlap(footprint, _strip(wall, partition.gap_m[0] - 0.1, partition.gap_m[1] + 0.1, 0.9)):
+        if overlap(footprint, _strip(wall, partition.gap_m[0] - 0.1, partition.gap_m[1] + 0.1, 0.9)):
             return False
     for door in plan.doors:
-        if _overlap(
-            footprint, _strip(door.wall, door.along_m - DOOR_M / 2 - 0.1, door.along_m + DOOR_M / 2 + 0.1, 1.0)
-        ):
+        if overlap(footprint, _strip(door.wall, door.along_m - DOOR_M / 2 - 0.1, door.along_m + DOOR_M / 2 + 0.1, 1.0)):
             return False
     changed = space.copy()
     changed.take(footprint)
@@ -333,14 +342,3 @@ def _strip(wall: Wall, first_m: float, last_m: float, half_m: float) -> Array:
     return np.array(
         [wall.at(first_m, -half_m), wall.at(last_m, -half_m), wall.at(last_m, half_m), wall.at(first_m, half_m)]
     )
-
-
-def _overlap(one: Array, other: Array) -> bool:
-    """Return whether two convex polygons (k, 2) overlap, by separating axes: fast enough for thousands of trials per plan."""
-    for shape in (one, other):
-        edges = np.roll(shape, -1, axis=0) - shape
-        for normal in np.column_stack([-edges[:, 1], edges[:, 0]]):
-            mine, theirs = one @ normal, other @ normal
-            if mine.max() <= theirs.min() + 1e-9 or theirs.max() <= mine.min() + 1e-9:
-                return False
-    return True

@@ -27,6 +27,8 @@ _CLEAR_M = 0.6
 _TRIES = 60
 _APART_M = 0.6
 """Distance from a person's start to the body of a robot [m]."""
+CLEARANCE_M = 0.38
+"""Least distance of drawn people's middles from furniture and walls [m], as some wear skirts and some are broad."""
 
 
 def draw_sensors(
@@ -274,6 +276,7 @@ def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, s
     if "people" in fields:
         people = validate(DrawnPeople, content["people"], f"{source}: people")
         drawn["people"] = draw_people(people, building, float(duration_s), seed)
+        drawn.setdefault("clearance_m", CLEARANCE_M)
     if "sensors" in fields:
         sensors = validate(DrawnSensors, content["sensors"], f"{source}: sensors")
         rig = draw_sensors(sensors, building, float(duration_s), seed, _starts(drawn.get("people")))

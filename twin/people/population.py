@@ -6,19 +6,21 @@ Their starts, times and speeds are randomized by the scenario's seed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from math import dist
 from typing import Any
 
 import numpy as np
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 from twin.people.body.appearance import BodyAppearance
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground, entry_place
 from twin.people.crowd.motion_command import End
 from twin.people.gait.gait import Gait
-from twin.people.poses import TICK_S, PopulationMotion, Poses
+from twin.people.gait.gait_state import joint_coordinates
+from twin.people.poses import TICK_S, PopulationMotion, Poses, Rehearsal
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import FreeGaze
 from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
@@ -59,10 +61,11 @@ class Population(Poses):
         measures: BodyMeasures,
         source: str,
         bases: MovingBases | None = None,
+        rehearsal: Rehearsal | None = None,
     ) -> None:
         """`ground`: walkable floor and its obstacles; `rngs`: one generator per person; `appearances`: source of proportions
         and mass; `measures`: of the bodies, in the order of names; `source`: description file named in errors;
-        `bases`: housings that drive among them.
+        `bases`: housings that drive among them; `rehearsal`: of their bodies in the room, None: they touch nothing.
 
         Known starts must be apart, and a wanderer's inside the area (see `twin.world.placement`). Raises InputError when the
         area has no room for those who wander.
@@ -74,12 +77,14 @@ class Population(Poses):
         position = start_places(self.names, described, ground, random, source)
         heading = np.array([first_heading(*each) for each in zip(described, position, random, strict=True)], float)
         areas = [_kept_in(person, ground) for person in described]
-        self._crowd = Crowd(planar(position), heading, areas, ground.obstacles)
+        self._crowd = Crowd(planar(position), heading, areas, ground.obstacles, ground.clearance_m)
         self.bases = self._crowd.bases = bases
         super().__init__(self.names, appearances, measures)
         self._gait = Gait(self._skeleton, self._crowd)
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
         self._context = ScriptContext(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
+        if rehearsal is not None:
+            self._context.overlap = partial(rehearsal.deepest, self._postures, self._stands)
         for number, person in enumerate(described):
             if (seat := _seat_from_start(person, ground)) is not None:
                 self._postures.begin_seated(number, seat, _approach(seat, ground, measures, number).side)
@@ -153,6 +158,10 @@ class Population(Poses):
             self._step()
             ticks.append(self._history.last())
         return PopulationMotion(*(np.stack(each) for each in zip(*ticks, strict=True)))
+
+    def _stands(self) -> tuple[Array, Planar, Array]:
+        """Return joint coordinates without postures, places and headings of all people."""
+        return joint_coordinates(self._gait.state, self._skeleton), self._crowd.place, self._crowd.heading
 
     def _record(self) -> None:
         self._history.append(self._gait.state, self._postures.rows, self._crowd.present)

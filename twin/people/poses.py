@@ -1,25 +1,28 @@
-"""Poses of all people during the last seconds, stepped now or precomputed."""
+"""Poses of all people during the last seconds, stepped now or precomputed; and poses tried out before an action."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import wrap_angle
 from trackers.arrays import Array, Mask, Planar
-from twin.instant.snapshot import Feet, on_the_floor
+from twin.instant.snapshot import Feet, Snapshot, on_the_floor
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2
 from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates, pelvis_yaw
-from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.body_measures import TOLERANCE_M, BodyMeasures, Penetration, PenetrationCheck
 from twin.people.posture.overlay import overlay_postures, pelvis_over_floor
 from twin.people.posture.posture_rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
+from twin.people.posture.postures import Part, Postures
 
 TICK_S = 0.025
 """Period of the people's clock [s]; poses are interpolated between ticks."""
@@ -250,3 +253,82 @@ class PrecomputedPoses(Poses):
         self._history.append(
             GaitState(motion.floor[tick], motion.rows[tick]), motion.posture[tick], motion.present[tick]
         )
+
+
+_TRIED_EVERY_S, _MOST_TRIED = 0.1, 100
+_TRIED: tuple[Part, ...] = ("body", "bend", "reach")
+
+
+class Rehearsal:
+    """Bodies in their room, posed aside from the run: which parts of the room would an action touch?"""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        person_of_geom: NDArray[np.int16],
+        qpos_address: NDArray[np.intp],
+        ids: Sequence[int],
+    ) -> None:
+        """`qpos_address` (n, NQ_PERSON) and `ids` (n,) of the people by number; -1 for people without a body."""
+        self._model, self._owner, self._address, self._ids = model, person_of_geom, qpos_address, tuple(ids)
+        self._made: tuple[PenetrationCheck, mujoco.MjData] | None = None
+
+    def deepest(
+        self,
+        postures: Postures,
+        stands: Callable[[], tuple[Array, Planar, Array]],
+        number: int,
+        act: Callable[[Postures], object] | None,
+        allowed: Collection[int],
+    ) -> Penetration | None:
+        """Return the deepest overlap of one person with the room in an action, from now until its posture is held.
+
+        stands: returns joint coordinates without postures (n, NQ_PERSON), places x + iy [m] and headings [rad] of all people;
+        act: gives the postures its command, None: the present pose; allowed: geoms that the person presses into. What the
+        present pose overlaps already counts for an action where it comes deeper.
+        """
+        if self._address[number, 0] < 0:
+            return None
+        if self._made is None:  # until somebody acts near something
+            self._made = PenetrationCheck(self._model, self._owner), mujoco.MjData(self._model)
+        check, data = self._made
+        coordinates, place, heading = stands()
+
+        def pose_of(rows: Array) -> Array:
+            whose = np.full(rows.shape[1], number)
+            return overlay_postures(coordinates[whose], rows, postures.measures.of_people(whose))
+
+        now = pose_of(postures.rows[:, [number]])
+        poses = now if act is None else pose_of(self._rows(postures, number, act, place, heading))
+        touched = {} if act is None else self._touched(check, data, number, now[0], allowed)
+        deepest: Penetration | None = None
+        for qpos in poses:
+            for each in self._touched(check, data, number, qpos, allowed).values():
+                there = touched.get(each.other_geom)
+                is_new = there is None or each.depth_m > there.depth_m + TOLERANCE_M
+                if is_new and (deepest is None or each.depth_m > deepest.depth_m):
+                    deepest = each
+        return deepest
+
+    @staticmethod
+    def _rows(
+        postures: Postures, number: int, act: Callable[[Postures], object], place: Planar, heading: Array
+    ) -> Array:
+        """Return the postures of one person in an action (POSTURE_ROWS, k)."""
+        trial = deepcopy(postures, {id(postures.measures): postures.measures})
+        act(trial)
+        rows = []
+        while not (rows and all(trial.done(number, part) for part in _TRIED)) and len(rows) < _MOST_TRIED:
+            trial.step(place, heading, _TRIED_EVERY_S)
+            rows.append(trial.rows[:, number].copy())
+        return np.stack(rows, axis=1)
+
+    def _touched(
+        self, check: PenetrationCheck, data: mujoco.MjData, number: int, qpos: Array, allowed: Collection[int]
+    ) -> dict[str, Penetration]:
+        """Return the overlaps of one person in a pose with the room, by its geoms."""
+        data.qpos[self._address[number]] = qpos
+        mujoco.mj_kinematics(self._model, data)
+        person = self._ids[number]
+        snapshot = Snapshot(0.0, self._model, data, self._owner)
+        return {each.other_geom: each for each in check.at(snapshot, {person: allowed}, only=person)}

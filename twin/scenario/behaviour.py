@@ -140,8 +140,8 @@ class Bend(TimedAction):
 class Reach(TimedAction):
     """Stretch a hand out to a point, hold it there for `for_s`, and take it back.
 
-    A point out of reach is reached for, not touched: walk there first. The hand moves straight: a point inside or close
-    behind an object is reached through it.
+    A point out of reach is reached for, not touched: walk there first. The hand stops up to 0.15 m before a point that is on
+    or in an object; a point farther in, or behind one, is given up with a warning.
     """
 
     kind: Literal["reach"] = Field(default="reach", description="the action: stretch a hand out to a point")

@@ -156,6 +156,14 @@ class Scenario(Strict):
         exclude_if=lambda rendering: rendering == PLAIN,
     )
     people: dict[Name, Person] = Field(description="who is in the room, by name")
+    clearance_m: float = Field(
+        default=0.35,
+        ge=0.35,
+        le=0.38,
+        description="least distance of people's middles from furniture and walls, and 0.3 m more from each other unless they "
+        "walk in a group [m]; 0.38 spares wide skirts and the arms of broad people",
+        exclude_if=lambda clearance_m: clearance_m == 0.35,
+    )
     randomize: Randomize = Field(
         default=STEADY,
         description="how far starts, times and speeds of people differ from seed to seed; none: not at all",

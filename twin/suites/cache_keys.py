@@ -46,7 +46,9 @@ def recording_key(resolved: str, renderer: str) -> str:
 
 def people_key(scenario: Scenario) -> str:
     """Compute the key of the motion of a scenario's people: a digest of all its inputs, without sensors."""
-    people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "randomize"})
+    people = scenario.model_dump_json(
+        include={"room", "area", "duration_s", "seed", "people", "randomize", "clearance_m"}
+    )
     return f"people-{_sha256(people, simulation_code(_MOVING), *_room(scenario.room))[:32]}"
 
 

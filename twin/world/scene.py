@@ -18,7 +18,7 @@ from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population, put_in_place, randomized
-from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
+from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses, Rehearsal
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
@@ -151,7 +151,7 @@ def _checked(scenario: Scenario, room: EmptyRoom) -> tuple[Ground, dict[str, Bod
     source = scenario.source
     routes = _routes(room, source)
     check_placement(scenario, area, room.walkable, routes, room.fitting_people())
-    ground = Ground(area, room.walkable, room.obstacles, routes, room.furniture, source)
+    ground = Ground(area, room.walkable, room.obstacles, routes, room.furniture, source, scenario.clearance_m)
     names = sorted(scenario.people)
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     _check_starts(scenario, ground, appearances)  # before bodies are made, of which hundreds take long
@@ -218,7 +218,9 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
     if housings:
         rngs = {name: stream(scenario.seed, "housing", name) for name in housings}
         bases = MovingBases(housings, scene.ground, scene.names, rngs, TICK_S, HISTORY_S)
-    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source, bases)
+    ids = [scene.ids[name] for name in scene.names]
+    rehearsal = Rehearsal(scene.model, scene.person_of_geom, scene.bodies.qpos_address, ids)
+    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source, bases, rehearsal)
 
 
 def foot_shapes(scene: Scene) -> FootShapes:

@@ -17,7 +17,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.drawn.distributions import DrawnPeople, DrawnRoom
 from twin.drawn.draw_building import draw_building
-from twin.drawn.draw_furniture import standing_places
+from twin.drawn.draw_furniture import Piece, standing_places
 from twin.drawn.draw_people import draw_people
 from twin.drawn.draw_scene import draw_scene
 from twin.drawn.floor_plan import _partition
@@ -130,12 +130,16 @@ def test_a_partition_as_long_as_its_doorway_needs_is_drawn() -> None:
         assert last_m - first_m == pytest.approx(1.1, abs=0.01)
 
 
-def test_no_piece_stands_in_another_or_in_a_pillar() -> None:
+def test_no_piece_stands_in_another_or_in_a_pillar_or_where_elbows_go() -> None:
     shares = np.stack(np.meshgrid(np.linspace(0.01, 0.99, 15), np.linspace(0.01, 0.99, 15)), axis=-1).reshape(-1, 2)
     options = DrawnRoom(kind="drawn", pillars=(2, 3), furniture_per_m2=(0.15, 0.2))
-    n_pair = 0
+    n_pair, n_seat = 0, 0
     for seed in range(1000, 1015):
-        footprints = [each.footprint() for each in draw_building(options, seed, "test").pieces]
+        building = draw_building(options, seed, "test")
+        footprints = [each.footprint() for each in building.pieces]
+        elbows = [_elbows(piece) for piece in building.pieces]
+        n_seat += sum(map(len, elbows)) // 2
+        assert building.plan.is_within(np.concatenate(elbows)).all(), seed
         places = np.array(
             [one[0] + shares[:, :1] * (one[1] - one[0]) + shares[:, 1:] * (one[3] - one[0]) for one in footprints]
         )
@@ -143,7 +147,16 @@ def test_no_piece_stands_in_another_or_in_a_pillar() -> None:
             others = np.delete(places, k, axis=0)
             n_pair += len(others)
             assert not Area(other).contains(others.reshape(-1, 2)).any(), seed
-    assert n_pair > 500
+            beside = np.concatenate([each for n, each in enumerate(elbows) if n != k])
+            assert not Area(other).contains(beside).any(), seed
+    assert n_pair > 500 and n_seat > 20
+
+
+def _elbows(piece: Piece) -> np.ndarray:
+    """Return the places (n, 2) of the arms of broad people on a piece's seats [m]."""
+    middles = [spot.place[:2] for spot in piece.spots if spot.kind == "seat"]
+    local = np.array(middles).reshape(-1, 1, 2) + np.array([[-0.38, 0.0], [0.38, 0.0]])
+    return piece.placed(local.reshape(-1, 2))
 
 
 def test_a_turned_building_is_the_same_building() -> None:

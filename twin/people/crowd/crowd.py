@@ -10,7 +10,7 @@ Three layers, for all people at once:
    instead of pushing. Walls and furniture repel by their nearest point, as in the first paper.
 2. A guarantee beyond forces: people approach others, furniture, and the edge of the area only as fast as
    they could still brake within the gap (within their half of it where the other is a person). So bodies never come
-   closer than `KEEP_APART_M` and `KEEP_FROM_FURNITURE_M`. Runners count on harder braking.
+   closer than `KEEP_APART_M` and the clearance of the scenario. Runners count on harder braking.
 3. People walk where they face: the wanted speed falls with the angle between way and heading, and the heading follows
    with a limited turning rate; short avoiding steps go sideways. People who hold a heading step backwards and sideways, slowly.
 
@@ -95,8 +95,11 @@ class Crowd:
         heading: Array,
         areas: Sequence[Array | None],
         obstacles: Sequence[Obstacle] = (),
+        clearance_m: float = KEEP_FROM_FURNITURE_M,
     ) -> None:
-        """areas: polygon (k, 2) [m] per person, None: everywhere; obstacles: all within reach (`obstacles.within_reach`)."""
+        """areas: polygon (k, 2) [m] per person, None: everywhere; obstacles: all within reach (`obstacles.within_reach`);
+        clearance_m: least distance of people's middles from them [m]; beyond the usual one they keep it from each other too.
+        """
         count = len(place)
         self.place = place.copy()
         self.velocity = np.zeros(count, dtype=complex)
@@ -123,7 +126,8 @@ class Crowd:
         self._furniture = Footprints(obstacles)
         edges, keep_from_edges = edges_of(areas)
         self._barriers = Footprints([*obstacles, *edges])
-        keep_from_furniture = np.full((count, len(obstacles)), KEEP_FROM_FURNITURE_M)
+        self._keep_m, self._more_m = clearance_m, clearance_m - KEEP_FROM_FURNITURE_M
+        keep_from_furniture = np.full((count, len(obstacles)), clearance_m)
         self._clearance = np.concatenate([keep_from_furniture, keep_from_edges], axis=1)  # (n, obstacles + edges)
         self._repels = np.ones(self._clearance.shape)
         self._heeds_walls = np.full(count, _PASSES)  # share of their repulsion per distance to the goal [1/m]
@@ -159,7 +163,7 @@ class Crowd:
         self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
         self._stretch[person] = command.stretch
         near = self._furniture.belong_to(command.near)
-        self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
+        self._clearance[person, : len(near)] = np.where(near, NEAR_M, self._keep_m)
         self._repels[person, : len(near)] = ~near
         self._commanded()
 
@@ -205,7 +209,7 @@ class Crowd:
         if not np.count_nonzero(close):
             return close
         others = self.present & (self._self_far == 0)
-        near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M) & others
+        near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M + self._more_m) & others
         return near.any(axis=1) & close
 
     def blocked(self) -> Mask:
@@ -282,10 +286,10 @@ class Crowd:
     def _least_apart(self, rows: Any, towards: Planar, facing: Planar) -> Array | float:
         """Return the least distance between people present, (n, n) [m] or one for all."""
         if not self._anybody_abreast:
-            return KEEP_APART_M
-        return least_apart(
-            self._companions[rows][:, rows], self._companion_m[rows], self._keeps_step[rows], towards, facing
-        )
+            return KEEP_APART_M + self._more_m
+        together = self._companions[rows][:, rows]
+        apart = least_apart(together, self._companion_m[rows], self._keeps_step[rows], towards, facing)
+        return apart + self._more_m * ~(together | together.T)
 
     def arms_in(self) -> Array | float:
         """Return the fraction by which each holds in the left and the right arm, (2, n); 0 where all are far apart."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from trackers.area import TOLERANCE_M, Area
+from trackers.area import TOLERANCE_M, Area, edge_gaps
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from twin.geometry.polygon import inset, nearest_on
@@ -93,7 +93,8 @@ class Ground:
     """Floor on which the people of a scenario walk.
 
     `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): limit for all people, room frame
-    [m]; `furniture`: seats and beds by name; `source`: description file named in errors.
+    [m]; `furniture`: seats and beds by name; `source`: description file named in errors; `clearance_m`: least distance of
+    people's middles from obstacles [m].
     """
 
     area: Array
@@ -102,6 +103,7 @@ class Ground:
     routes: Routes
     furniture: Mapping[str, Seat | Bed]
     source: str
+    clearance_m: float = KEEP_FROM_FURNITURE_M
 
     @cached_property
     def inner(self) -> Array:
@@ -130,6 +132,11 @@ class Ground:
             return False
         tall = np.array([each.top_m > above_m for each in self.obstacles], dtype=bool)
         return not tall.any() or bool(self._footprints.gaps(planar(places))[1][:, tall].min() >= clear_m)
+
+    def gap_m(self, place: Array) -> float:
+        """Return the distance from a place (2,) [m] to the nearest furniture, wall or edge of the walkable floor [m]."""
+        gap_m = self._footprints.gaps(planar(place[None]))[1].min(initial=np.inf)
+        return float(min(gap_m, edge_gaps(self.walkable, place[None]).min()))
 
     def is_free(self, places: Array) -> Mask:
         """Mark the places (k, 2) [m] where a body's middle may be: on the walkable floor, clear of furniture and walls."""

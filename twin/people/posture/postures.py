@@ -96,15 +96,15 @@ class Postures:
             np.maximum(measures.behind - MATTRESS_SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
         )
 
-    def sit(self, person: int, seat: Seat, side: SeatedPose | None = None) -> None:
+    def sit(self, person: int, seat: Seat, side: SeatedPose | None = None, arms_hang: bool = False) -> None:
         """Sit down on a seat; the person must stand before it, see `SeatedPose.standing_place`.
 
-        side: the pose beside a desk in which they sit down, before they turn in.
+        side: the pose beside a desk in which they sit down, before they turn in; arms_hang: the hands stay off the thighs.
         """
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
         front = seated_pose(seat, self.measures, person)
         self._take(person, side or front)
-        self._turns.take(person, side, front, float(self._seated[3, person]), complex(self._place[person]))
+        self._turns.take(person, side, front, float(self._seated[3, person]), complex(self._place[person]), arms_hang)
         self._aim[person] = _SITS
 
     def begin_seated(self, person: int, seat: Seat, side: SeatedPose | None = None) -> None:

@@ -122,10 +122,23 @@ class TurnsOnSeats:
         self._side = np.zeros((5, count))  # hips x, y, z [m], yaw [rad], ankles ahead of the hips [m]
         self._by = np.zeros((5, count))
         self._off = np.zeros(count, dtype=complex)  # from the place to stand at to where the person stood [m]
+        self._arms_hang = np.zeros(count)
 
-    def take(self, person: int, side: SeatedPose | None, front: SeatedPose, yaw: float, here: complex) -> None:
-        """Note how one person sits down: facing `side`, at an unwrapped yaw [rad], from `here` x + iy [m]; None: no turn."""
+    def take(
+        self,
+        person: int,
+        side: SeatedPose | None,
+        front: SeatedPose,
+        yaw: float,
+        here: complex,
+        arms_hang: bool = False,
+    ) -> None:
+        """Note how one person sits down: facing `side`, at an unwrapped yaw [rad], from `here` x + iy [m]; None: no turn.
+
+        arms_hang: beside the thighs, also after the turn.
+        """
         self.progress[person] = 0.0
+        self._arms_hang[person] = arms_hang
         self._by[:, person] = 0.0
         if side is None:
             return
@@ -140,8 +153,10 @@ class TurnsOnSeats:
 
     @property
     def aside(self) -> Array:
-        """1 for people who face the side of a seat, towards 0 as they have turned in, 0 for all others, (n,)."""
-        return (self._by[3] != 0) * (1.0 - minimum_jerk(self.progress, *_HANDS_OVER))
+        """1 for people whose arms hang: who face the side of a seat, towards 0 as they have turned in, or who lack room for
+        their elbows; 0 for all others, (n,).
+        """
+        return np.maximum((self._by[3] != 0) * (1.0 - minimum_jerk(self.progress, *_HANDS_OVER)), self._arms_hang)
 
     def step(self, inward: Mask, outward: Mask, dt: float) -> None:
         """Turn some in and others out by dt [s]."""

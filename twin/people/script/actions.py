@@ -5,9 +5,10 @@ An action is a generator: it yields a command and is sent the reason for which t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
+from functools import partial
 from math import cos, radians, sin
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from trackers.area import wrap_angle
 from trackers.arrays import Array
 from twin.people.crowd.ground import standing_place
 from twin.people.crowd.motion_command import BESIDE_HANDS_M, MotionCommand
-from twin.people.posture.postures import Part
+from twin.people.posture.body_measures import Penetration
+from twin.people.posture.postures import Hand, Part, Postures
 from twin.people.script.actor import Actor, Going
 from twin.people.script.groups import join, lead
 from twin.people.script.walking import LOOKS_AGAIN_S, Commands, follow, meet, walk, walk_to, wander
@@ -55,10 +57,14 @@ _WAITS_FOR_ROOM_S = 6.0
 """Time after which a bend or a reach is given up for want of room [s]."""
 _SHORT_M = 0.1
 """Distance between hand and point from which on a reach is reported as too short, the length of fingers [m]."""
+_STOPS_SHORT_M = (0.0, 0.05, 0.1, 0.15)
+"""Distances before a point at which a hand that touches something stops, the length of a hand at most [m]."""
 _BESIDE_THINGS_M, _STEP_M = 0.28, 0.1
 """Room beside the head and the hanging arms of who bends [m], and the step between the places where it is looked for [m]."""
 _UNDER_HIPS_M = 0.15
 """Depth of a trunk bent to the level, below the hips [m]."""
+
+_Result = TypeVar("_Result")
 
 
 def perform(actor: Actor, script: Sequence[Action]) -> Commands:
@@ -149,18 +155,45 @@ def _turn(actor: Actor, action: Turn) -> Commands:
 def _rest(actor: Actor, action: Sit | Lie) -> Commands:
     """Sit or lie down on a piece of furniture, and get up when the time is over."""
     name = action.seat if isinstance(action, Sit) else action.bed
+    furniture, postures, number = actor.context.ground.furniture[name], actor.context.postures, actor.number
     if isinstance(action, Sit) and action.seated:  # seated from the start
-        yield from _settled(actor, action.for_s, "body")
-        yield from _upright(actor)
-        return
-    side = yield from _go_and_take(actor, name)
-    match actor.context.ground.furniture[name]:
-        case Seat() as seat:
-            actor.context.postures.sit(actor.number, seat, side)
-        case Bed() as bed:
-            actor.context.postures.lie(actor.number, bed)
+        found = actor.overlap_in(None, furniture.geoms)
+    else:
+        side = yield from _go_and_take(actor, name)
+        found = None
+        if isinstance(furniture, Bed):
+            act, found = _freest(actor, [partial(Postures.lie, person=number, bed=furniture)], furniture.geoms)
+        elif side is not None:  # a pose in which there is room
+            act = partial(Postures.sit, person=number, seat=furniture, side=side)
+        else:  # the hands lie on the thighs if there is room for the elbows
+            ways = [partial(Postures.sit, person=number, seat=furniture, arms_hang=each) for each in (False, True)]
+            act, found = _freest(actor, ways, furniture.geoms)
+        act(postures)
+    if found is not None:
+        actor.misses(f"has no room on {name!r} ({_in_the_way(found)})")
     yield from _settled(actor, action.for_s, "body")
     yield from _upright(actor)
+
+
+def _freest(
+    actor: Actor, ways: Sequence[Callable[[Postures], _Result]], allowed: Collection[int] = frozenset()
+) -> tuple[Callable[[Postures], _Result], Penetration | None]:
+    """Return the first way of an action that touches nothing, or the one that comes least deep into the room, and its overlap.
+
+    allowed: geoms that the person presses into.
+    """
+    tried = []
+    for way in ways:
+        found = actor.overlap_in(way, allowed)
+        if found is None:
+            return way, None
+        tried.append((way, found))
+    return min(tried, key=lambda each: each[1].depth_m)
+
+
+def _in_the_way(found: Penetration) -> str:
+    """Return an overlap in words."""
+    return f"{found.geom.partition('/')[2]} {100 * found.depth_m:.1f} cm inside {found.other_geom!r}"
 
 
 def _go_and_take(actor: Actor, name: str) -> Commands:
@@ -230,7 +263,11 @@ def _bend(actor: Actor, action: Bend) -> Commands:
     if (yield from _room_for(actor, lambda: way() is not None)):
         found = way() or 1.0
         yield from _turn_to(actor, float(np.angle(found)))
-        postures.bend(number, angle_rad)
+        bends, touched = _freest(actor, [partial(Postures.bend, person=number, angle_rad=angle_rad)])
+        if touched is not None:
+            actor.misses(f"has no room to bend ({_in_the_way(touched)})")
+            return
+        bends(postures)
         yield from _settled(actor, action.for_s, "bend", ahead_m * found)
         postures.straighten(number)
         yield from _settled(actor, 0.0, "bend", ahead_m * found)
@@ -239,20 +276,38 @@ def _bend(actor: Actor, action: Bend) -> Commands:
 
 
 def _reach(actor: Actor, action: Reach) -> Commands:
-    """Reach for a point once nobody stands before it."""
+    """Reach for a point once nobody stands before it, as far as what it is on or in lets the hand.
+
+    The other hand reaches where the body would else be in the way of things.
+    """
     point, postures, number = np.array(action.point), actor.context.postures, actor.number
     way = point[:2] - actor.here
     far_m = min(float(np.hypot(*way)), float(postures.measures.arm[number] + postures.measures.stature[number] / 2))
     stretch = complex(*way) / max(float(np.hypot(*way)), 1e-6) * far_m
     places = actor.here + np.linspace(0.3, 1.0, 8)[:, None] * np.array([stretch.real, stretch.imag])
-    if (yield from _room_for(actor, lambda: _clear_of_others(actor, places))):
-        if (short_m := postures.reach(number, point, action.hand)) > _SHORT_M:
-            actor.misses(f"cannot reach {action.point}, which is {short_m:.2f} m too far")
-        yield from _settled(actor, action.for_s, "reach", stretch)
-        postures.withdraw(number)
-        yield from _settled(actor, 0.0, "reach", stretch)
-    else:
+    if not (yield from _room_for(actor, lambda: _clear_of_others(actor, places))):
         actor.misses(f"cannot reach {action.point}, as somebody stands before it")
+        return
+    hands: tuple[Hand, ...] = (action.hand,)
+    if action.hand == "auto" and not (
+        postures.measures.left_carries[number] or postures.measures.right_carries[number]
+    ):
+        hands = "auto", "left", "right"
+    back = np.append(way, 0.0) / max(float(np.hypot(*way)), 1e-6)
+    ways = [
+        partial(Postures.reach, person=number, point=point - less_m * back, hand=hand)
+        for less_m in _STOPS_SHORT_M
+        for hand in hands
+    ]
+    reaches, touched = _freest(actor, ways)
+    if touched is not None:
+        actor.misses(f"has no room to reach {action.point} ({_in_the_way(touched)})")
+        return
+    if (short_m := reaches(postures)) > _SHORT_M:
+        actor.misses(f"cannot reach {action.point}, which is {short_m:.2f} m too far")
+    yield from _settled(actor, action.for_s, "reach", stretch)
+    postures.withdraw(number)
+    yield from _settled(actor, 0.0, "reach", stretch)
 
 
 def _clear_of_others(actor: Actor, places: Array) -> bool:

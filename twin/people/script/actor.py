@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from math import cos, inf, radians, sin
@@ -14,7 +14,7 @@ from trackers.arrays import Array
 from twin.people.crowd.crowd import Crowd
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.motion_command import MotionCommand
-from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.body_measures import BodyMeasures, Penetration
 from twin.people.posture.postures import Postures
 from twin.people.posture.resting import BEFORE_M, SeatedPose, lying_pose, seated_pose
 from twin.people.posture.side_seating import side_poses
@@ -24,6 +24,8 @@ from twin.scenario.behaviour import TurnHead
 
 _EYE_LEVEL_M = 1.5
 """Height of the gaze at a place on the floor [m]."""
+_BODY_REACH_M = 1.5
+"""Distance from a body's middle beyond which no action touches anything [m]."""
 _IN_THE_WAY_M = 1.0
 """Distance within which a person counts as in the way of one who makes no progress [m]."""
 _LATE, _SETS_OUT_S = 2.0, 2.0
@@ -105,6 +107,14 @@ class WalkingGroup:
         return [number for number in self.order if number != self.leader]
 
 
+Overlap = Callable[[int, Callable[[Postures], object] | None, Collection[int]], Penetration | None]
+"""Function of a person, an action (None: the present pose) and geoms to press into: the deepest overlap with the room."""
+
+
+def _no_overlap(number: int, act: object, allowed: Collection[int]) -> None:
+    """Return None: people without bodies touch nothing."""
+
+
 @dataclass(eq=False)
 class ScriptContext:
     """State shared by all actors: clock, positions and postures of all people, the room.
@@ -112,13 +122,14 @@ class ScriptContext:
     `doing`: kind of action of each; `taken`: user of each seat or bed; `leaving`: people about to leave, `departed`: people
     who have left; `looks_until`: time at which a turned head is free again [s]; `going`: walks under way; `groups`: people who
     walk together, by the index of their leader; `waiting`: what each waits for, and since when [s]; `missed`: sentences on
-    goals that were given up.
+    goals that were given up; `overlap`: of an action that is tried out.
     """
 
     names: tuple[str, ...]
     crowd: Crowd
     postures: Postures
     ground: Ground
+    overlap: Overlap = _no_overlap
     t: float = 0.0
     doing: list[str] = field(default_factory=list)
     taken: dict[str, int] = field(default_factory=dict)
@@ -258,6 +269,16 @@ class Actor:
     def goes_on(self) -> None:
         """Note the end of a wait."""
         self.context.waiting.pop(self.number, None)
+
+    def overlap_in(
+        self, act: Callable[[Postures], object] | None, allowed: Collection[int] = frozenset()
+    ) -> Penetration | None:
+        """Return the deepest overlap with the room in an action from here (None: in the present pose), by the body's own geoms.
+
+        allowed: geoms that the person presses into. None where nothing is within reach.
+        """
+        is_near = self.context.ground.gap_m(self.here) < _BODY_REACH_M
+        return self.context.overlap(self.number, act, allowed) if is_near else None
 
     def misses(self, what: str) -> None:
         """Note, in words, a goal that the person gives up."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.penetration import count_penetrations
+from benchmarks.penetration import PenetrationCount, count_penetrations, furniture_in_use
 
 from trackers.configuration import validate
 from twin.scenario import Scenario, load_scenario
@@ -108,6 +109,50 @@ def test_the_hand_without_a_bag_reaches() -> None:
     assert gaps["none"]["right"] < 0.08 < gaps["none"]["left"]
     assert world.scene.appearances["anna"].carries == (False, True)
     assert gaps["handbag"]["left"] < 0.08 < gaps["handbag"]["right"]
+
+
+ROOM = """<mujoco><custom><numeric name="walkable_area" data="-2 -2 2 -2 2 2 -2 2"/></custom><worldbody>
+  <light pos="0 0 2"/><geom name="floor" type="plane" size="3 3 1"/>
+  <geom name="screen" type="box" pos="0 {side} 0.9" size="1.2 0.02 0.9"/>
+  <body name="stool"><geom type="box" size="0.2 0.2 0.23" pos="0 0 0.23"/><site name="seat_stool" pos="0 0 0.46"/></body>
+</worldbody></mujoco>"""
+
+
+def beside_a_screen(
+    tmp_path: Path, side_m: float, *script: dict[str, Any], **more: Any
+) -> tuple[PenetrationCount, list[str]]:
+    """Overlaps of a broad person with a screen whose face is `side_m` left of a stool, and what is said of them."""
+    room = tmp_path / "room.xml"
+    room.write_text(ROOM.format(side=side_m + 0.02))
+    anna = person([1.0, -0.5], 180, *script, height_m=1.85, build=1.15, bag="none") | more
+    world = world_of({"anna": anna}, 12.0, str(room))
+    return count_penetrations(world, np.arange(0, 12, 2 * DT), lambda _: furniture_in_use(world)), world.late()
+
+
+SIT = {"kind": "sit", "seat": "stool", "for_s": 3.0}
+
+
+@pytest.mark.parametrize("side_m", [0.34, 0.42, 0.6])
+def test_elbows_keep_off_what_stands_beside_a_seat(side_m: float, tmp_path: Path) -> None:
+    found, said = beside_a_screen(tmp_path, side_m, SIT)
+    assert not found.deepest and not said, (str(found), said)
+
+
+def test_a_seat_without_room_is_warned_of_with_person_thing_and_depth(tmp_path: Path) -> None:
+    found, said = beside_a_screen(tmp_path, 0.22, SIT)
+    assert found.deepest
+    (sentence,) = said
+    assert sentence.startswith("anna has no room on 'stool' (left_") and "cm inside 'screen'), at " in sentence
+
+
+@pytest.mark.parametrize("far_m", [0.3, 0.42, 0.7])
+def test_a_hand_stops_at_what_it_touches(far_m: float, tmp_path: Path) -> None:
+    reach = {"kind": "reach", "point": [0.6, far_m, 1.2], "for_s": 2.0}
+    start = {"start": [0.6, 0.0], "heading_deg": 90}
+    found, said = beside_a_screen(tmp_path, 0.45, reach, **start)
+    assert not found.deepest, str(found)
+    # behind the screen
+    assert [each.startswith("anna has no room to reach (0.6, 0.7, 1.2) (") for each in said] == [True] * (far_m > 0.6)
 
 
 @pytest.mark.sample(2)
