@@ -64,6 +64,12 @@ class Bootstrap:
         """Compute the mean of (n,) values over the runs, in every replicate, (1 + replicates,)."""
         return self.counts @ values / len(values)
 
+    def median(self, values: Array) -> Array:
+        """Compute the median of (n,) values over the runs, in every replicate, (1 + replicates,)."""
+        order, half = values.argsort(), len(values) / 2
+        drawn = self.counts[:, order].cumsum(axis=1)
+        return 0.5 * (values[order][(drawn >= half).argmax(axis=1)] + values[order][(drawn > half).argmax(axis=1)])
+
     def difference(self, change: Array) -> Interval:
         """Compute the mean of differences of counts (n,), paired by run, with its interval.
 

@@ -88,8 +88,8 @@ class WalkingGroup:
     """People who walk together: indices from left to right, one of them the `leader`.
 
     `gap_m`: present distance between neighbours [m]; `ring`: place of each while they talk, None: they walk; `changes`:
-    index of the one who is changing sides, or None; `spaced_until_s`, `changes_at_s`: times of the next change of distance
-    and of sides [s].
+    index of the one who is changing sides, or None; `draws_near`: neighbours are not yet at the near distance;
+    `spaced_until_s`, `changes_at_s`: times of the next change of distance and of sides [s].
     """
 
     leader: int
@@ -98,6 +98,7 @@ class WalkingGroup:
     order: list[int]
     ring: dict[int, complex] | None = None
     changes: int | None = None
+    draws_near: bool = False
     spaced_until_s: float = 0.0
     changes_at_s: float = inf
 

@@ -15,6 +15,7 @@ from math import pi
 import numpy as np
 
 from trackers.area import Area
+from trackers.arrays import Planar
 from trackers.scipy_functions import linear_sum_assignment
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, WalkingGroup
@@ -33,12 +34,14 @@ from twin.scenario.behaviour import Join, Lead, TurnHead
 
 _DRAWS_LEVEL_S = 0.35
 """Time constant for closing the gap to one's place [s]."""
-_FILE_M = 0.85
-"""Distance between members in file, or behind for want of room [m]."""
+_FILE_M = 1.2
+"""Distance between members in file, or behind for want of room [m]: what people need at 0.8 m/s (A. Seyfried, B. Steffen, W.
+Klingsch and M. Boltes, "The fundamental diagram of pedestrian movement revisited", J. Statistical Mechanics, 2005).
+"""
 _V_BACK = 0.35
 """Lag of the middle of a V, per distance to the neighbour (Moussaïd et al. 2010, figure 4)."""
-_PASSES_BEHIND_M = 0.5
-"""Distance behind the leader of the place through which a member changes sides, nearer than people come [m]."""
+_PASSES_BEHIND_M = 1.0
+"""Distance behind the leader of the place through which a member changes sides [m]."""
 _CHANGE_TAKES_S = 1.5
 """Additional time near each other for a change of sides [s]."""
 _PASSES_BY_M, _IN_THE_WAY_M = 0.8, 0.6
@@ -54,6 +57,10 @@ _CHANGES_AFTER = 0.35
 """Share of the time near each other after which a member changes sides."""
 _TO_THE_RING_M_S = 1.2
 """Greatest speed on the way to the ring [m/s]."""
+_NEAR_BY_M, _ABREAST_BY_M, _FALLEN_BEHIND_M = 0.15, 0.35, 1.2
+"""Distances from their places at which members are near each other, walk abreast, and have fallen behind [m]."""
+_DRAWS_NEAR_WITHIN_S = 4.0
+"""Time within which neighbours who draw near are near, or part again [s]."""
 _CANDIDATES = 8
 _STRAIGHT_ON_M = 4.0
 """Additional distance at which a goal ahead is still preferred to one behind [m]: groups turn seldom."""
@@ -96,18 +103,45 @@ def _lead_on(actor: Actor, action: Lead, group: WalkingGroup, until: float) -> C
 
 
 def _space(actor: Actor, action: Lead, group: WalkingGroup) -> None:
-    """Let neighbours draw near, and apart again; sides are changed while they are near."""
-    rng, now = actor.rng, actor.t
-    if now >= group.spaced_until_s:
-        near = group.gap_m != action.spacing_m[0]
-        group.gap_m = action.spacing_m[0 if near else 1]
-        group.spaced_until_s = now + rng.uniform(*(action.near_s if near else action.far_s))
-        changes = near and rng.random() < action.change_share
+    """Let neighbours draw near while they walk abreast, and apart again; sides are changed while they are near.
+
+    The time near each other counts from when all are near. It ends early where somebody falls behind for want of room.
+    """
+    rng, now, is_near = actor.rng, actor.t, group.gap_m == action.spacing_m[0]
+    off_m = _off_places_m(actor, group)
+    if group.draws_near and off_m < _NEAR_BY_M:
+        changes = rng.random() < action.change_share
+        group.draws_near = False
+        group.spaced_until_s = now + rng.uniform(*action.near_s) + _CHANGE_TAKES_S * changes
         group.changes_at_s = now + _CHANGES_AFTER * (group.spaced_until_s - now) if changes else np.inf
-        group.spaced_until_s += _CHANGE_TAKES_S * changes
+    elif is_near and (now >= group.spaced_until_s or off_m > _FALLEN_BEHIND_M):
+        group.gap_m, group.draws_near, group.changes_at_s = action.spacing_m[1], False, np.inf
+        group.spaced_until_s = now + rng.uniform(*action.far_s)
+    elif not is_near and now >= group.spaced_until_s and off_m < _ABREAST_BY_M:
+        group.gap_m, group.draws_near = action.spacing_m[0], True
+        group.spaced_until_s = now + _DRAWS_NEAR_WITHIN_S
     if now >= group.changes_at_s and group.others:
         _change_sides(group, rng)
         group.changes_at_s = np.inf
+
+
+def _off_places_m(actor: Actor, group: WalkingGroup) -> float:
+    """Return the greatest distance of a member from their place [m]; of one who changes sides it does not count."""
+    others = [number for number in group.others if number != group.changes]
+    seen, places, _ = _seen_by_leader(actor, group, others)
+    return float(np.abs(seen - places).max(initial=0.0))
+
+
+def _seen_by_leader(actor: Actor, group: WalkingGroup, members: list[int]) -> tuple[Planar, Planar, Planar]:
+    """Return where members present are in the frame of the leader, and their places beside and behind, ahead + left i [m]."""
+    crowd = actor.context.crowd
+    present = [number for number in members if crowd.present[number]]
+    seen = (crowd.place[present] - crowd.place[actor.number]) * crowd.facing[actor.number].conjugate()
+    beside, behind = (
+        [_place_in(actor, group, each) for each in present],
+        [_place_behind(group, each) for each in present],
+    )
+    return seen, np.array(beside, dtype=complex), np.array(behind, dtype=complex)
 
 
 def _goal_ahead(actor: Actor) -> np.ndarray:
@@ -121,13 +155,9 @@ def _goal_ahead(actor: Actor) -> np.ndarray:
 
 def _waits(actor: Actor, group: WalkingGroup) -> float:
     """Return the factor on the leader's speed that lets lagging members catch up."""
-    crowd = actor.context.crowd
-    others = [number for number in group.others if crowd.present[number]]
-    if not others:
-        return 1.0
-    seen = (crowd.place[others] - crowd.place[actor.number]) * crowd.facing[actor.number].conjugate()
-    places = np.array([_place_in(actor, group, number) for number in others])
-    lags_m = np.where(seen.real < places.real, np.abs(seen - places), 0.0).max()
+    seen, beside, behind = _seen_by_leader(actor, group, group.others)
+    off_m = np.minimum(np.abs(seen - beside), np.abs(seen - behind))
+    lags_m = np.where(seen.real < beside.real, off_m, 0.0).max(initial=0.0)
     return float(np.clip((_WAITS_AT_M - lags_m) / (_WAITS_AT_M - _WAITS_FROM_M), 0.0, 1.0))
 
 
@@ -187,12 +217,13 @@ def join(actor: Actor, action: Join) -> Commands:
         place, facing = crowd.place[leader], crowd.facing[leader]
         _keep_sides(actor, group)
         goal = place + _place_in(actor, group, actor.number) * facing
-        if group.formation != "file" and not has_room(
-            actor, group.order, place, goal, crowd.velocity[leader], _SEES_AHEAD_S
+        if group.formation != "file" and not (
+            Area(context.ground.inner).contains(np.array([[goal.real, goal.imag]]))[0]
+            and has_room(actor, group.order, place, goal, crowd.velocity[leader], _SEES_AHEAD_S)
         ):
             behind_until = actor.t + _STAYS_BEHIND_S
         if actor.t < behind_until:
-            goal = place - _FILE_M * (1 + group.others.index(actor.number)) * facing
+            goal = place + _place_behind(group, actor.number) * facing
         stay = replace(_stay(actor, group, until), keeps_step=True)
         yield keep_up(actor, leader, _around(actor, place, facing, goal), stay, action.speed_m_s, _DRAWS_LEVEL_S)
     if group is not None and actor.number in group.order:
@@ -216,7 +247,7 @@ def _keep_sides(actor: Actor, group: WalkingGroup) -> None:
 def _place_in(actor: Actor, group: WalkingGroup, number: int) -> complex:
     """Return a member's place in the frame of the leader, ahead + left i [m]."""
     if group.formation == "file":
-        return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
+        return _place_behind(group, number)
     gaps = [max(group.gap_m, shoulders_m(actor, *pair)) for pair in pairwise(group.order)]
     left = -np.concatenate([[0.0], np.cumsum(gaps)])
     own, leads = group.order.index(number), group.order.index(group.leader)
@@ -224,6 +255,11 @@ def _place_in(actor: Actor, group: WalkingGroup, number: int) -> complex:
     if group.formation == "v":
         ahead = _V_BACK * np.abs(left - left.mean())
     return complex(ahead[own] - ahead[leads], left[own] - left[leads])
+
+
+def _place_behind(group: WalkingGroup, number: int) -> complex:
+    """Return a member's place in file in the frame of the leader, ahead + left i [m]."""
+    return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
 
 
 def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> complex:

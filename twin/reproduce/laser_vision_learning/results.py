@@ -31,6 +31,7 @@ from twin.streams import stream
 PLACE, TABLE_ONE, TABLE_TWO = "the place", "table I", "table II"
 CHANGED, DENSITY, ABLATION = "beyond the paper, changed", "beyond the paper, density", "beyond the paper, ablation"
 ACCURACY, CORRELATED, MERGES = "accuracy", "correlated, disposed of", "merge/split, disposed of"
+PAIRS, MEDIAN, SECONDS = "correlated pairs a frame", "merges, median duration", "merges of 1 s or more a minute"
 TABLE_GROUPS, AFTER = "people in groups", "identity 1 s after a merge"
 COST, RELATIVE = "time per frame", "time per frame, fused / vision only"
 
@@ -44,8 +45,8 @@ _PAPER_TWO = {FUSED: 89.53, LASER: 73.37, VISION: 80.95}
 _STREAM = "hall bootstrap"
 _PAPER_RELATIVE = 0.1511 / 0.6906
 _PAPER_PLACE = {
-    (BUSY, "correlated pairs a frame"): 3832 / 6000,
-    (BUSY, "merges a minute"): 537 / 4,  # 6000 frames at about 25 a second
+    (BUSY, PAIRS): 3832 / 6000,
+    (BUSY, "merged pairs a frame"): 537 / 6000,
     (HALL, "people a frame"): 10.26,
     (HALL, "share of them interacting"): 16.35,
 }
@@ -53,7 +54,7 @@ _PAPER_PLACE = {
 
 def hall_results(hall: HallRuns) -> list[ResultRow]:
     """Compute every result of the page."""
-    found = [each for name in (BUSY, HALL) for each in _place(hall.conditions[name])]
+    found = [each for name in (BUSY, HALL) for each in place_results(hall.conditions[name])]
     found += _disposals(hall.conditions[BUSY], TABLE_ONE, with_paper=True)
     found += _accuracies(hall.conditions[BUSY], TABLE_ONE, with_paper=False)
     found += _accuracies(hall.conditions[HALL], TABLE_TWO, with_paper=True)
@@ -86,7 +87,7 @@ def group_results(condition: HallCondition) -> Iterator[ResultRow]:
     Rows of `groups-SENSORS` have these sensors before their names. Differences are of shares over all runs, in points, with
     replicates paired by run.
     """
-    yield from _place(condition)
+    yield from place_results(condition)
     boot, sensors = (
         condition.bootstrap(_STREAM),
         condition.name.removeprefix(GROUPS).removeprefix("-").replace("-", " "),
@@ -138,12 +139,14 @@ def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
     return np.append(fitted, 1 - left.var() / table[:, 3].var())
 
 
-def _place(condition: HallCondition) -> Iterator[ResultRow]:
+def place_results(condition: HallCondition) -> Iterator[ResultRow]:
+    """Compute the rows on a condition's scenes by the truth: people, correlated and merged pairs, durations of merges."""
     place, boot = condition.place, condition.bootstrap(_STREAM)
     shares = (
         ("people a frame", place.people, place.frames, "1", 1.0),
         ("share of them interacting", place.interacting, place.people, "%", 100.0),
-        ("correlated pairs a frame", place.correlated, place.frames, "1", 1.0),
+        (PAIRS, place.correlated, place.frames, "1", 1.0),
+        ("merged pairs a frame", place.merged, place.frames, "1", 1.0),
         ("merges a minute", place.merges, place.minutes, "/min", 1.0),
     )
     for row, above, below, unit, times in shares:
@@ -157,9 +160,11 @@ def _place(condition: HallCondition) -> Iterator[ResultRow]:
             ("merges of 0.5 s or more", long, "%"),
         ):
             yield _result(PLACE, row, condition.name, None, interval(lasting.mean(values)), unit, condition)
+        median = interval(lasting.median(place.merge_s))
+        yield _result(PLACE, MEDIAN, condition.name, None, median, "s", condition)
         seconds = np.where(place.merge_s >= 1.0, 1.0, 0.0)
         a_minute = interval(lasting.mean(seconds) * len(seconds) / place.minutes.sum())
-        yield _result(PLACE, "merges of 1 s or more a minute", condition.name, None, a_minute, "/min", condition)
+        yield _result(PLACE, SECONDS, condition.name, None, a_minute, "/min", condition)
 
 
 def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:

@@ -8,7 +8,7 @@ is the hall with one change.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,6 +47,7 @@ class PlaceStatistics:
     interacting: Array  # of them, those less than 1.5 m from another person
     correlated: Array  # pairs of people in frames
     merges: Array
+    merged: Array  # pairs of people in frames
     minutes: Array
     merge_s: Array  # (m,) duration of each merge
 
@@ -188,10 +189,11 @@ def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[s
 def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> HallCondition:
     metrics = metric_arrays(whole.values(), found.metrics)
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
-    return HallCondition(name, tuple(whole), metrics, _place(recorded))
+    return HallCondition(name, tuple(whole), metrics, place_statistics(recorded))
 
 
-def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:
+def place_statistics(recorded: Sequence[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:
+    """Count people and their situations in n runs by the truth."""
     rows, lasting = [], []
     for truth, situations in recorded:
         stamps_ns = truth.frame_stamps_ns
@@ -199,6 +201,7 @@ def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics
         merges = situations.select("merged_rig")
         span_s = float(stamps_ns[-1] - stamps_ns[0]) / NS_PER_S
         pairs = situations.select("correlated").pair_frames(stamps_ns)
-        rows.append((len(stamps_ns), people.sum(), close.sum(), pairs, len(merges), span_s / 60))
+        merged = merges.pair_frames(stamps_ns)
+        rows.append((len(stamps_ns), people.sum(), close.sum(), pairs, len(merges), merged, span_s / 60))
         lasting.append((merges.end_ns - merges.start_ns) / NS_PER_S)
     return PlaceStatistics(*np.array(rows, dtype=float).T, merge_s=np.concatenate(lasting))

@@ -66,9 +66,21 @@ def test_pairs_are_slower_than_people_alone(pairs: list[tuple[np.ndarray, np.nda
 
 
 def test_people_change_sides() -> None:
-    lateral = seen_by_ann(*walked(group(2, 10, talk_share=0.0, change_share=1.0, stretch_s=20)))[:, 0].imag
+    near = {"near_s": (2, 2), "far_s": (1, 1)}
+    lateral = seen_by_ann(*walked(group(2, 10, 3, talk_share=0.0, change_share=1.0, stretch_s=20, **near)))[:, 0].imag
     lateral = lateral[np.abs(lateral) > 0.4]
     assert (np.sign(lateral[1:]) != np.sign(lateral[:-1])).any()
+
+
+def test_neighbours_are_near_for_as_long_as_said() -> None:
+    """The time counts from when all are near, not from when they begin to draw near."""
+    leads = {"talk_share": 0.0, "change_share": 0.0, "stretch_s": 40, "spacing_m": (0.5, 1.4), "near_s": (1.5, 1.5)}
+    places, _ = walked(group(3, 20, seed=1, **leads))
+    near = np.abs(places[:-1, 1:] - places[:-1, :1]).max(axis=1) < 0.72
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
+    times_s = (ends[1::2] - ends[::2]) * STEP_S
+    assert len(times_s) > 1
+    assert (times_s > 1.4).all()
 
 
 def test_the_middle_of_three_lags() -> None:

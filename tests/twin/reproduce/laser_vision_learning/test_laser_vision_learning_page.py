@@ -78,7 +78,14 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
             "ms_per_frame.p95": 20 * ones,
         }  # fmt: skip
     place = PlaceStatistics(
-        100 * ones, 100 * people * ones, 100 * close * ones, 64 * ones, 2 * ones, 0.5 * ones, np.array([0.4, 0.6, 1.2])
+        frames=100 * ones,
+        people=100 * people * ones,
+        interacting=100 * close * ones,
+        correlated=64 * ones,
+        merges=2 * ones,
+        merged=9 * ones,
+        minutes=0.5 * ones,
+        merge_s=np.array([0.4, 0.6, 1.2]),
     )
     return HallCondition(name, tuple(range(n_run)), figures, place)
 
@@ -96,7 +103,9 @@ def test_the_tables_are_sums_over_runs_with_the_papers_values() -> None:
     assert found[TABLE_TWO, MERGES, "fused"][0] is None
     assert found[TABLE_TWO, RELATIVE, "fused"] == (pytest.approx(0.2188, abs=1e-4), pytest.approx(1 / 3))
     assert found[TABLE_TWO, COST, "laser only"] == (None, pytest.approx(8.0))
-    assert found["the place", "merges a minute", "busy"] == (pytest.approx(134.25), pytest.approx(4.0))
+    assert found["the place", "merges a minute", "busy"] == (None, pytest.approx(4.0))
+    assert found["the place", "merged pairs a frame", "busy"] == (pytest.approx(0.0895), pytest.approx(0.09))
+    assert found["the place", "merges, median duration", "busy"] == (None, pytest.approx(0.6))
     assert found["the place", "share of them interacting", "hall"] == (16.35, pytest.approx(20.0))
     assert found["the place", "merges of 0.5 s or more", "hall"] == (None, pytest.approx(200 / 3))
 
