@@ -5,7 +5,7 @@ An action is a generator: it yields a command and is sent the reason for which t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from functools import partial
 from math import cos, radians, sin
 from typing import Any, TypeVar
@@ -157,17 +157,17 @@ def _rest(actor: Actor, action: Sit | Lie) -> Commands:
     name = action.seat if isinstance(action, Sit) else action.bed
     furniture, postures, number = actor.context.ground.furniture[name], actor.context.postures, actor.number
     if isinstance(action, Sit) and action.seated:  # seated from the start
-        found = actor.overlap_in(None, furniture.geoms)
+        found = actor.overlap_in(None)
     else:
         side = yield from _go_and_take(actor, name)
         found = None
         if isinstance(furniture, Bed):
-            act, found = _freest(actor, [partial(Postures.lie, person=number, bed=furniture)], furniture.geoms)
+            act, found = _freest(actor, [partial(Postures.lie, person=number, bed=furniture)])
         elif side is not None:  # a pose in which there is room
             act = partial(Postures.sit, person=number, seat=furniture, side=side)
         else:  # the hands lie on the thighs if there is room for the elbows
             ways = [partial(Postures.sit, person=number, seat=furniture, arms_hang=each) for each in (False, True)]
-            act, found = _freest(actor, ways, furniture.geoms)
+            act, found = _freest(actor, ways)
         act(postures)
     if found is not None:
         actor.misses(f"has no room on {name!r} ({_in_the_way(found)})")
@@ -176,15 +176,12 @@ def _rest(actor: Actor, action: Sit | Lie) -> Commands:
 
 
 def _freest(
-    actor: Actor, ways: Sequence[Callable[[Postures], _Result]], allowed: Collection[int] = frozenset()
+    actor: Actor, ways: Sequence[Callable[[Postures], _Result]]
 ) -> tuple[Callable[[Postures], _Result], Penetration | None]:
-    """Return the first way of an action that touches nothing, or the one that comes least deep into the room, and its overlap.
-
-    allowed: geoms that the person presses into.
-    """
+    """Return the first way of an action that touches nothing, or the one that comes least deep into the room, and its overlap."""
     tried = []
     for way in ways:
-        found = actor.overlap_in(way, allowed)
+        found = actor.overlap_in(way)
         if found is None:
             return way, None
         tried.append((way, found))

@@ -271,15 +271,16 @@ class Actor:
         """Note the end of a wait."""
         self.context.waiting.pop(self.number, None)
 
-    def overlap_in(
-        self, act: Callable[[Postures], object] | None, allowed: Collection[int] = frozenset()
-    ) -> Penetration | None:
+    def overlap_in(self, act: Callable[[Postures], object] | None) -> Penetration | None:
         """Return the deepest overlap with the room in an action from here (None: in the present pose), by the body's own geoms.
 
-        allowed: geoms that the person presses into. None where nothing is within reach.
+        None where nothing is within reach. The furniture that the person uses does not count.
         """
-        is_near = self.context.ground.gap_m(self.here) < _BODY_REACH_M
-        return self.context.overlap(self.number, act, allowed) if is_near else None
+        context, number = self.context, self.number
+        if context.ground.gap_m(self.here) >= _BODY_REACH_M:
+            return None
+        used = [context.ground.furniture[name].geoms for name, user in context.taken.items() if user == number]
+        return context.overlap(number, act, frozenset().union(*used))
 
     def misses(self, what: str) -> None:
         """Note, in words, a goal that the person gives up."""
