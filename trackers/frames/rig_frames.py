@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Sequence
 from statistics import median_low
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import seen_from_above
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import Rig
+
+ReportFrame = Literal["rig", "matched", "sensor"]
+"""The frame that the rig is given in, the fixed one that scan matching finds, or the main scanner's own, which moves."""
 
 _AHEAD_NS = NS_PER_S // 4
 """A pose is carried on so long after the last one, by its motion, or for longer where poses are rarer; then comes a gap."""
@@ -165,12 +169,27 @@ class RigFrames:
         self._leaders: dict[str, str] = {}  # of each base, the scanner that is matched
         self._n_tilted = dict.fromkeys(names, 0)
         stand = (name for name in names if name not in self._base_of)
-        self._reporter = next(stand, rig.main_sensor if rig.main_sensor in poses else names[0])
+        self.main = rig.main_sensor if rig.main_sensor in poses else names[0]
+        """The main one of the scanners."""
+        self._reporter = next(stand, self.main)
 
     @property
     def reporter(self) -> SensorFrame:
         """The frame through which all reports go: of a scanner that stands, else of the main one."""
         return self.of[self._reporter]
+
+    def reported(
+        self, places: Float[Array, "n 2"], velocities: Float[Array, "n 2"], frame: ReportFrame, ns: int
+    ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
+        """Return places and velocities of the matched frame in that of the reports, as of a stamp [ns]."""
+        match frame:
+            case "matched":
+                return places, velocities
+            case "rig":
+                return self.reporter.to_rig(places, velocities)
+            case "sensor":
+                after_s = (ns - self._located_ns.get(self.main, ns)) / NS_PER_S
+                return self.of[self.main].to_sensor(places, velocities, after_s)
 
     @property
     def warnings(self) -> list[str]:
@@ -219,6 +238,7 @@ class RigFrames:
         """Return the scanner's frame with the pose of an `upright` scan. still: beams that may have met the room."""
         name = scan.sensor
         frame, base = self.of[name], self._base_of.get(name)
+        before_ns, self._located_ns[name] = self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns
         if base is None:
             frame.locate(scan, still, None)
             return frame
@@ -230,11 +250,10 @@ class RigFrames:
             self._leaders[base] = leader = name
             frame = self.of[name] = SensorFrame(pose, self._options)
         if leader in (None, name) or pose is None:
-            follows = track.follows(self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns)
+            follows = track.follows(before_ns, scan.stamp_ns)
             frame.locate(scan, still, pose, self._sweeping(scan), follows=follows)
         else:
             frame.follow(scan, self.of[leader], pose)
-        self._located_ns[name] = scan.stamp_ns
         return frame
 
     def _sweeping(self, scan: LaserScan) -> Float[Array, "3"] | None:

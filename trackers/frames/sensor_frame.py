@@ -233,6 +233,13 @@ class SensorFrame:
             return places, velocities
         return placed(self.rig_from_fixed, places), turned(self.rig_from_fixed[2], velocities)
 
+    def to_sensor(
+        self, places: Float[Array, "n 2"], velocities: Float[Array, "n 2"], after_s: float
+    ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
+        """Return places and velocities over the ground in the scanner's frame as of some time after its last scan's stamp."""
+        here = inverse(compose(self.pose, after_s * self._match.motion))
+        return placed(here, places), turned(here[2], velocities)
+
     def _times_s(self, scan: LaserScan, beam: Shaped[AnyArray, "k"]) -> Float[Array, "k"]:
         """Return the time of beams, or of places between two, after the stamp [s]."""
         first_s = max(-scan.sweep_time_s, 0.0)

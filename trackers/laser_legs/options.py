@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from trackers.configuration import Strict
+from trackers.frames.rig_frames import ReportFrame
 from trackers.frames.scan_matching import MatchingOptions
 from trackers.tracking.track_manager import TrackManagementOptions
 
@@ -33,10 +32,11 @@ class LaserLegsOptions(Strict):
         ge=0,
         description="a track nearer than this to a likelier one is not reported: two people do not stand in one place [m]",
     )
-    report_in: Literal["rig", "matched"] = Field(
+    report_in: ReportFrame = Field(
         default="rig",
         description="frame of the reports. rig: the one that the rig is given in, odometry's for a scanner mounted on a base, "
-        "the scanner's own where the rig says that it stands; matched: the fixed frame that scan matching finds",
+        "the scanner's own where the rig says that it stands; matched: the fixed frame that scan matching finds; sensor: the "
+        "scanner's own at each frame, which moves with it, of the main one where there are several",
     )
     matching: MatchingOptions = Field(default=MatchingOptions(), description="how scans are matched with the last ones")
     track_management: TrackManagementOptions = Field(

@@ -99,8 +99,14 @@ class LaserLegs(SynchronizedTracker):
 
     @property
     def report_frame(self) -> str | None:
-        """The frame that scan matching finds, where tracks leave in that."""
-        return "matched" if self.options.report_in == "matched" else None
+        """The frame that scan matching finds, or the scanner's, by its name, where tracks leave in that."""
+        match self.options.report_in:
+            case "rig":
+                return None
+            case "sensor":
+                return self.scanners.main
+            case "matched":
+                return "matched"
 
     def detections(self) -> list[Detection]:
         """Return the legs of the frames of the last `update` or `finish`."""
@@ -111,11 +117,10 @@ class LaserLegs(SynchronizedTracker):
         roster, state = self.roster, self.roster.state
         shown = self._is_there(roster, self.ns)
         average = self._imm.average(state.filter).T
-        frame = self.scanners.reporter
         places, velocities = average[:, :2], average[:, 2:]
-        if self.options.report_in == "rig":
-            places, velocities = frame.to_rig(places, velocities)
-        shown &= self.manager.inside(places)
+        reported_in = "matched" if self.options.report_in == "matched" else "rig"
+        shown &= self.manager.inside(self.scanners.reported(places, velocities, reported_in, self.ns)[0])
+        places, velocities = self.scanners.reported(places, velocities, self.options.report_in, self.ns)
         shown[shown] = likeliest(places[shown], state.log_odds[shown], self.options.report_apart_m)
         measured = roster.measured_ns >= self._since_ns
         return [
@@ -305,8 +310,7 @@ class LaserLegs(SynchronizedTracker):
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:
         """Keep the legs of a scan as detections, in the frame of the reports."""
-        if self.options.report_in == "rig":
-            places, _ = self.scanners.reporter.to_rig(places, np.zeros_like(places))
+        places, _ = self.scanners.reported(places, np.zeros_like(places), self.options.report_in, self.ns)
         variance = self.options.measurement_m**2
         self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
 

@@ -143,7 +143,11 @@ def frames_of_tracks(bag: Recording, runners: Sequence[TrackerRunner]) -> dict[s
             base = rig.odometry()[sensor].base_frame
             frames[each.name] = FrameOfTracks(f"{base or f'the base of {sensor}'} (which moves)", base or ROOM_FRAME)
         elif named := report_frame(each.tracker):
-            frames[each.name] = FrameOfTracks(named, ROOM_FRAME)
+            if moving := named in rig.sensors:
+                named = next(iter(sorted(bag.frames.get(named, ()))), named).strip("/")
+            frames[each.name] = FrameOfTracks(
+                f"{named} (which moves)" if moving else named, named if moving else ROOM_FRAME
+            )
         else:
             in_rig = own if own and is_at_origin and not bag.is_twin else ROOM_FRAME
             frames[each.name] = FrameOfTracks(in_rig, in_rig)

@@ -17,6 +17,7 @@ from trackers.laser_legs.tracker import likeliest
 from trackers.observations import NS_PER_S, Odometry
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
+from trackers.tracks import report_frame
 
 POSTS = [(-1.0, 1.5, 0.05), (2.5, 1.0, 0.1), (0.5, -2.0, 0.03), (3.5, -1.5, 0.2)]
 
@@ -108,15 +109,17 @@ def test_who_comes_out_of_hiding_within_reach_is_the_same_person(aside, ids):
     assert any(frame.tracks for frame in frames[-10:])
 
 
-def test_a_rig_that_says_the_scanner_stands_has_its_reports_about_the_scanner():
+@pytest.mark.parametrize("report_in", ["rig", "sensor"])
+def test_reports_are_about_the_scanner_where_the_rig_says_that_it_stands_or_options_ask_for_it(report_in):
     path, motions = drive()
-    frames, _ = tracked(path, motions, [WALKER])
-    start = path[0]
+    frames, tracker = tracked(path, motions, [WALKER], report_in=report_in)
+    start = path[0] if report_in == "rig" else np.zeros(3)
 
     def about_the_scanner(k, place):
         return placed(start, placed(between(path[k], np.zeros(3)), np.asarray(place)))
 
     assert misses(frames, WALKER, about_the_scanner) <= 3
+    assert report_frame(tracker) == {"rig": None, "sensor": "scan"}[report_in]
 
 
 @pytest.mark.parametrize("stands_upright", [True, False], ids=["clockwise", "upside down"])
@@ -325,7 +328,7 @@ def test_every_option_changes_the_tracks():
 
     def has_effect(path, value) -> bool:
         far = [0.001 * value, 0.97, 3 * value + 0.3, 60.0] if isinstance(value, float) else []
-        for other in {str: ["matched"], int: [1, 40], float: far}[type(value)]:
+        for other in {str: ["matched", "sensor"], int: [1, 40], float: far}[type(value)]:
             *above, name = path.split(".")
             given = {name: other}
             for each in reversed(above):
