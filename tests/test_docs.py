@@ -32,7 +32,7 @@ from twin.cli import app
 from twin.models import SENSOR_KINDS
 from twin.recording.situation_table import SITUATION_COLUMNS
 from twin.recording.tables import TRUTH_COLUMNS
-from twin.recording.truth_tables import BOX_COLUMNS, FEET_COLUMNS, PEOPLE_COLUMNS, RAY_COLUMNS
+from twin.recording.truth_tables import BASE_COLUMNS, BOX_COLUMNS, FEET_COLUMNS, PEOPLE_COLUMNS, RAY_COLUMNS
 from twin.scenario import load_scenario
 from twin.scenario.sensor_descriptions import LaserDescription
 from twin.studies.spec import load_study
@@ -256,6 +256,7 @@ def test_the_gallery_shows_everything_that_is_shipped() -> None:
         ("truth_feet.csv", (*FEET_COLUMNS, "cells_FLOOR")),
         ("truth_boxes.csv", BOX_COLUMNS),
         ("truth_rays.csv", RAY_COLUMNS),
+        ("truth_bases.csv", BASE_COLUMNS),
         ("truth_situations.csv", SITUATION_COLUMNS),
     ],
 )

@@ -121,7 +121,7 @@ class TrackTopics:
 START = "/tracks/start"
 """JSON in a std_msgs/String: the stamp that is t = 0 of the tables."""
 _RENAMED = {"tf/msg/tfMessage": TF_MESSAGE}
-_TRUTH = (topics.TRUTH_PEOPLE, topics.TRUTH_MARKERS, topics.TRUTH_FEET, *DETAIL_TOPICS)
+_TRUTH = (topics.TRUTH_PEOPLE, topics.TRUTH_MARKERS, topics.TRUTH_FEET, topics.TRUTH_BASES, *DETAIL_TOPICS)
 _HEADER = "std_msgs/msg/Header"
 _Convert = Callable[[bytes], bytes | memoryview]
 

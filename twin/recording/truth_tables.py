@@ -12,6 +12,7 @@
   order of the scan's ranges. Beams in no run meet the room, or nothing within range. It is the truth of the ideal scan at its
   true time: noise and faults change ranges and stamps, not the person that a beam meets. A scan that the scanner loses (its
   `dropout`) has no row; one that a fault loses on its way may have.
+- `truth_bases.csv` and `/truth/bases`, where a housing drives: one row per such housing and stamp, its true pose.
 - `truth_situations.csv` and `/truth/situations`: see `twin.recording.situation_table`.
 
 A frame without people is one row with its stamp (and its sensor) alone. Numbers are written as in `truth.csv`.
@@ -44,10 +45,22 @@ from twin.recording.tables import (
     FrameText,
     TrackTable,
     TruthTable,
+    number_cell,
     read_truth,
     seconds_cell,
 )
-from twin.truth.truth_types import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.truth_types import (
+    BasesFrame,
+    BaseTruth,
+    Box,
+    BoxFrame,
+    FootTruth,
+    PersonTruth,
+    RayFrame,
+    Situation,
+    TruthDetail,
+    TruthFrame,
+)
 
 if TYPE_CHECKING:
     from twin.recording.reader import Recording
@@ -59,9 +72,12 @@ FEET_COLUMNS = ("t", "id", "foot", *FOOT_NUMBERS, "contact")
 _CELLS = "cells_"
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
+BASE_COLUMNS = ("t", "base", "x", "y", "z", "yaw")
+BASES_FILE = "truth_bases.csv"
 ABOUT = "recording.json"
 """Facts of a recording not in the tables of tracks: the stamp of t = 0, and losses; written by `twin track`."""
 DETAIL_FILES = ("truth_boxes.csv", "truth_rays.csv", "truth_situations.csv")
+TRUTH_FILES = ("truth.csv", "truth_people.csv", "truth_feet.csv", BASES_FILE, *DETAIL_FILES)
 DETAIL_TOPICS = (topics.TRUTH_BOXES, topics.TRUTH_RAYS, topics.TRUTH_SITUATIONS)
 
 
@@ -116,18 +132,26 @@ def _feet(text: FrameText) -> Iterator[tuple[PersonTruth, FootTruth, list[str]]]
 
 
 @contextmanager
-def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
-    """Open the tables of boxes, rays and situations and yield a function that writes a detail into its table.
+def detail_writer(folder: Path, *, with_bases: bool = False) -> Iterator[Callable[[TruthDetail], None]]:
+    """Open the tables of boxes, rays and situations, and of bases if some drive; yield a function that writes a detail.
 
     The files appear when the block ends well. Raises InputError where a file cannot be written.
     """
+    bases: TextIO | None = None
     with ExitStack() as stack:
         boxes, rays, situations = (stack.enter_context(open_atomic(folder / name)) for name in DETAIL_FILES)
         for stream, columns in ((boxes, BOX_COLUMNS), (rays, RAY_COLUMNS), (situations, SITUATION_COLUMNS)):
             stream.write(",".join(columns) + "\n")
+        if with_bases:
+            bases = stack.enter_context(open_atomic(folder / BASES_FILE))
+            bases.write(",".join(BASE_COLUMNS) + "\n")
 
         def write(detail: TruthDetail) -> None:
             match detail:
+                case BasesFrame():
+                    if bases is not None:
+                        t = seconds_cell(detail.stamp_ns)
+                        bases.writelines(f"{t},{each.base},{','.join(cells)}\n" for each, cells in _bases(detail))
                 case BoxFrame():
                     _write_frame(boxes, detail, BOX_COLUMNS)
                 case RayFrame():
@@ -141,12 +165,21 @@ def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
 def encode_detail(detail: TruthDetail) -> tuple[str, int, memoryview]:
     """Return topic, log time [ns] (of a situation its end) and message (CDR) of a detail."""
     match detail:
+        case BasesFrame():
+            rows = [[json.dumps(each.base), *cells] for each, cells in _bases(detail)]
+            message = rows_message(json_object(BASE_COLUMNS, detail.stamp_ns, row) for row in rows)
+            return topics.TRUTH_BASES, detail.stamp_ns, message
         case BoxFrame():
             return topics.TRUTH_BOXES, detail.stamp_ns, _encode_frame(detail, BOX_COLUMNS)
         case RayFrame():
             return topics.TRUTH_RAYS, detail.stamp_ns, _encode_frame(detail, RAY_COLUMNS)
         case Situation():
             return topics.TRUTH_SITUATIONS, detail.end_ns, encode_situation(detail)
+
+
+def _bases(frame: BasesFrame) -> Iterator[tuple[BaseTruth, list[str]]]:
+    """Yield each base with the cells of its numbers."""
+    return ((each, [number_cell(getattr(each, name)) for name in BASE_COLUMNS[2:]]) for each in frame.bases)
 
 
 def decode_boxes(text: str, stamp_ns: int) -> BoxFrame:

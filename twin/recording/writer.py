@@ -126,7 +126,7 @@ class BagWriter(McapFile):
         self.write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame.stamp_ns, frame.people))
 
     def detail(self, detail: TruthDetail) -> None:
-        """Write the truth of an image, a scan or a situation."""
+        """Write the truth of an image, a scan, the bases or a situation."""
         self.write(*encode_detail(detail))
 
     def _write_head(self) -> None:
@@ -150,7 +150,7 @@ class BagWriter(McapFile):
         if not self._positions_only:
             self.connect(topics.TRUTH_FEET, STRING)
             self.connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
-            for topic in DETAIL_TOPICS:
+            for topic in (*DETAIL_TOPICS, *[topics.TRUTH_BASES] * bool(self._rig.odometry())):
                 self.connect(topic, STRING)
         self.write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:

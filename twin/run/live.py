@@ -22,7 +22,7 @@ from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
 from twin.recording.tables import FrameText, read_truth, truth_writer
 from twin.recording.track_topics import TrackTopics
-from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer, write_names
+from twin.recording.truth_tables import BASES_FILE, DETAIL_FILES, detail_writer, feet_writer, write_names
 from twin.recording.writer import BagWriter
 from twin.report.birdseye import Site
 from twin.report.page import RunFacts
@@ -178,6 +178,11 @@ class _LiveRun:
         for note in self._simulation.drawing_notes():
             self.on_note(note)
 
+    def _more_truth(self) -> tuple[str, ...]:
+        if not self.whole_truth:
+            return ()
+        return (*_MORE_TRUTH, BASES_FILE) if self._simulation.rig.odometry() else _MORE_TRUTH
+
     def finish(self) -> RunResult:
         """Write the remaining files from the closed tables: names, scenario, metrics and report; return the result."""
         folder = self.out.path
@@ -185,7 +190,7 @@ class _LiveRun:
             "recording": folder / "recording.mcap",
             "truth": folder / "truth.csv",
             "truth_people": folder / "truth_people.csv",
-            **{Path(name).stem: folder / name for name in (_MORE_TRUTH if self.whole_truth else ())},
+            **{Path(name).stem: folder / name for name in self._more_truth()},
             "scenario": folder / "scenario.yaml",
         }
         write_names(files["truth_people"], self._site.person_names)
@@ -293,7 +298,7 @@ class _LiveRun:
         self._on_truth += [table, bag.truth]
         if whole:
             self._on_truth.append(stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors()))))
-            self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
+            self._on_detail += [stack.enter_context(detail_writer(folder, with_bases=bool(rig.odometry()))), bag.detail]
         return bag
 
     def _pass_truth(self, frame: TruthFrame) -> None:

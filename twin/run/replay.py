@@ -28,7 +28,7 @@ from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
-from twin.recording.truth_tables import ABOUT, DETAIL_FILES, read_own_truth, truth_frames
+from twin.recording.truth_tables import ABOUT, TRUTH_FILES, read_own_truth, truth_frames
 from twin.report.birdseye import Polygon, Site
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
@@ -56,7 +56,7 @@ from twin.world.empty_room import empty_room
 from twin.world.world import heap_trimmed
 
 _RATE_PROBE = 20
-_OF_THE_RUN = ("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml")
+_OF_THE_RUN = ("recording.mcap", *TRUTH_FILES, "scenario.yaml")
 """Files of a run in the folder, which a replay into it keeps."""
 _EXTRA_FILES = ("metrics.json", "preview.mp4", ABOUT)
 

@@ -118,6 +118,25 @@ class RayFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class BaseTruth:
+    """True pose of a housing that drives, in the room frame: x, y, z [m] and yaw [rad]."""
+
+    base: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True)
+class BasesFrame:
+    """Poses of all housings that drive, at one stamp."""
+
+    stamp_ns: int
+    bases: tuple[BaseTruth, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Situation:
     """One situation of two people (first_id < second_id), from the first frame in which it holds to the first after.
 
@@ -136,5 +155,5 @@ class Situation:
     least_m: float = nan
 
 
-TruthDetail = BoxFrame | RayFrame | Situation
-"""Truth of an image, a scan, or a time span."""
+TruthDetail = BoxFrame | RayFrame | BasesFrame | Situation
+"""Truth of an image, a scan, the bases at a stamp, or a time span."""

@@ -1,4 +1,4 @@
-"""Detailed truth: boxes in pictures, people met by beams, situations of two people."""
+"""Detailed truth: boxes in pictures, people met by beams, poses of bases that drive, situations of two people."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.truth.situations import (
     pairs_within,
     scan_points,
 )
-from twin.truth.truth_types import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
+from twin.truth.truth_types import BasesFrame, BaseTruth, BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, SensorView, first_hits, person_boxes
 from twin.world.world import World
 
@@ -39,6 +39,11 @@ def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
     starts, stops = [0, *changes], [*changes, person_of_ray.size]
     runs = zip(person_of_ray[starts].tolist(), starts, stops, strict=True)
     return tuple(RayRun(id_, start, stop - 1) for id_, start, stop in runs if id_ > 0)
+
+
+def _base(name: str, room_from_base: NDArray[np.float64]) -> BaseTruth:
+    x, y, z = room_from_base[:3, 3].tolist()
+    return BaseTruth(name, x, y, z, float(np.arctan2(room_from_base[1, 0], room_from_base[0, 0])))
 
 
 class TruthDetails:
@@ -79,6 +84,8 @@ class TruthDetails:
     def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
         """Set the truth of a stamp and its world."""
         self._merge_for_the_rig()
+        if snapshot.bases:
+            self._tell(BasesFrame(frame.stamp_ns, tuple(_base(name, pose) for name, pose in snapshot.bases.items())))
         self._now = {name: view.at(snapshot) for name, view in self._views.items()}
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
         place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)

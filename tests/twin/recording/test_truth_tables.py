@@ -20,7 +20,7 @@ from twin.recording.truth_tables import (
     detail_writer,
     encode_detail,
 )
-from twin.truth.truth_types import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
+from twin.truth.truth_types import BasesFrame, BaseTruth, Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 
 BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"
 RAY_HEADER = "t,sensor,id,first_beam,last_beam"
@@ -37,13 +37,14 @@ DETAILS: list[TruthDetail] = [
     BoxFrame(0, "south", ()),
     RayFrame(1_700_000_000_123_456_789, "waist", ()),
     RayFrame(1_700_000_000_123_456_789, "knee", (RayRun(2, 100, 120),)),
+    BasesFrame(1_500_000_000, (BaseTruth("robot", 1.5, -0.25, 0.0, 3.125),)),
     *SITUATIONS,
 ]
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    with detail_writer(tmp_path) as write:
+    with detail_writer(tmp_path, with_bases=True) as write:
         for detail in DETAILS:
             write(detail)
         assert not [path for path in tmp_path.iterdir() if path.suffix == ".csv"]
@@ -106,9 +107,11 @@ def rows_of(detail: TruthDetail) -> list[dict[str, Any]]:
 def test_the_bag_has_the_columns_of_the_tables(folder: Path):
     headers = {
         topic: (folder / name).read_text().splitlines()[0]
-        for topic, name in zip(DETAIL_TOPICS, DETAIL_FILES, strict=True)
+        for topic, name in zip((*DETAIL_TOPICS, "/truth/bases"), (*DETAIL_FILES, "truth_bases.csv"), strict=True)
     }
-    assert list(headers.values()) == [BOX_HEADER, RAY_HEADER, SITUATION_HEADER]
+    assert list(headers.values()) == [BOX_HEADER, RAY_HEADER, SITUATION_HEADER, "t,base,x,y,z,yaw"]
+    (base,) = (folder / "truth_bases.csv").read_text().splitlines()[1:]
+    assert base == "1.500000000,robot,1.5,-0.25,0.0,3.125"
     for detail in DETAILS:
         topic, _, _ = encode_detail(detail)
         for row in rows_of(detail):

@@ -16,7 +16,7 @@ from twin.recording.rig_of_bag.transforms import TransformTree
 from twin.run.live import run_scenario
 from twin.scenario import Scenario
 from twin.sensors.odometry import OdometryDescription
-from twin.truth.truth_types import TruthFrame
+from twin.truth.truth_types import BasesFrame, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.world import PoseCache, World
 
@@ -49,8 +49,8 @@ def driving(drive: Any, housing: dict[str, Any] | None = None, **changes: Any):
     )
 
 
-def readings(scenario):
-    with Simulation(scenario, images=False) as simulation:
+def readings(scenario, on_detail=None):
+    with Simulation(scenario, images=False, on_detail=on_detail) as simulation:
         return simulation, list(simulation.deliveries())
 
 
@@ -81,10 +81,15 @@ def test_a_robot_hides_no_person_from_its_own_scanner_in_the_truth():
 
 
 def test_odometry_without_errors_is_the_truth_and_walls_are_straight_when_each_beam_is_put_where_it_was_taken():
-    simulation, delivered = readings(driving(AROUND))
+    details: list[TruthDetail] = []
+    simulation, delivered = readings(driving(AROUND), details.append)
     rig = simulation.rig
     start = rig.odometry()["robot"].room_from_sensor.matrix
     poses = of(delivered, Odometry)
+    bases = {each.stamp_ns: each.bases for each in details if isinstance(each, BasesFrame)}
+    for each in poses:
+        (base,), at = bases[each.stamp_ns], start @ each.frame_from_base
+        np.testing.assert_allclose((base.x, base.y, base.z, np.cos(base.yaw)), (*at[:3, 3], at[0, 0]), atol=1e-9)
     for each in delivered:
         if isinstance(each.observation, Odometry):
             assert np.allclose(each.observation.frame_from_base, each.reading.truth["frame_from_base"], atol=1e-12)
