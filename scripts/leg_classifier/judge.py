@@ -1,8 +1,9 @@
 """The classifier on labelled scans of a real scanner (the leg_tracker data set), of which nothing was learned.
 
-A cluster is a leg where a label lies on it. The labelling took what was in a box: people beyond it, and on the way into it, have
-no label. So the area under the curve is given with all other clusters as no legs, and without those that stand in front of
-what the scanner saw there otherwise, which are most likely people.
+A cluster is a leg where it is the nearest to a label that lies on it, and where the scanner does not see the same in most scans.
+The labelling took all clusters in a sector: furniture there has labels, and people beyond it have none. So the area under the
+curve is given with all other clusters as no legs, and without those that stand in front of what the scanner saw there otherwise,
+which are most likely people.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from sklearn.metrics import roc_auc_score
 
+from trackers.filters.gating import distances
 from trackers.laser.legs.classifier import LegClassifier
 from trackers.laser.legs.features import leg_clusters
 from trackers.observations import NS_PER_S, LaserScan
@@ -38,12 +40,15 @@ def judge(classifier: LegClassifier, folder: Path) -> dict[int, tuple[float, flo
             scan = LaserScan("scan", round(stamps[place] * NS_PER_S), row, first, step, least, most)
             clusters = leg_clusters(scan)
             labels = legs[legs[:, 0] == place, 1:]
-            apart = np.hypot(*(clusters.middle[:, None] - labels).transpose(2, 0, 1)).min(axis=1, initial=np.inf)
+            apart = distances(labels, clusters.middle)
+            on = np.zeros(len(clusters), np.bool_)
+            on[apart.argmin(axis=1)[apart.min(axis=1) < _ON_M] if apart.size else []] = True
             beam = (clusters.first_beam + clusters.last_beam) // 2
             score.append(classifier.evidence(scan, clusters))
-            is_leg.append(apart < _ON_M)
+            is_leg.append(on)
             is_room.append((np.abs(ranges[:, beam] - clusters.range_m) < _SAME_M).mean(axis=0) > _STANDING)
-        scores, legs_, room = (np.concatenate(each) for each in (score, is_leg, is_room))
+        scores, has_label, room = (np.concatenate(each) for each in (score, is_leg, is_room))
+        legs_ = has_label & ~room
         known = legs_ | room
         found[number] = (float(roc_auc_score(legs_, scores)), float(roc_auc_score(legs_[known], scores[known])))
         print(f"{path.name}: AUC {found[number][0]:.4f} of {legs_.size} clusters, {legs_.sum()} legs; "
