@@ -160,8 +160,8 @@ class Scenario(Strict):
         default=0.35,
         ge=0.35,
         le=0.38,
-        description="least distance of people's middles from furniture and walls, and 0.3 m more from each other unless they "
-        "walk in a group [m]; 0.38 spares wide skirts and the arms of broad people",
+        description="least distance of people's middles from furniture and walls [m]; 0.38 spares wide skirts and the arms of "
+        "broad people",
         exclude_if=lambda clearance_m: clearance_m == 0.35,
     )
     randomize: Randomize = Field(

@@ -98,7 +98,7 @@ class Crowd:
         clearance_m: float = KEEP_FROM_FURNITURE_M,
     ) -> None:
         """areas: polygon (k, 2) [m] per person, None: everywhere; obstacles: all within reach (`obstacles.within_reach`);
-        clearance_m: least distance of people's middles from them [m]; beyond the usual one they keep it from each other too.
+        clearance_m: least distance of people's middles from them [m].
         """
         count = len(place)
         self.place = place.copy()
@@ -126,7 +126,7 @@ class Crowd:
         self._furniture = Footprints(obstacles)
         edges, keep_from_edges = edges_of(areas)
         self._barriers = Footprints([*obstacles, *edges])
-        self._keep_m, self._more_m = clearance_m, clearance_m - KEEP_FROM_FURNITURE_M
+        self._keep_m = clearance_m
         keep_from_furniture = np.full((count, len(obstacles)), clearance_m)
         self._clearance = np.concatenate([keep_from_furniture, keep_from_edges], axis=1)  # (n, obstacles + edges)
         self._repels = np.ones(self._clearance.shape)
@@ -209,7 +209,7 @@ class Crowd:
         if not np.count_nonzero(close):
             return close
         others = self.present & (self._self_far == 0)
-        near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M + self._more_m) & others
+        near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M) & others
         return near.any(axis=1) & close
 
     def blocked(self) -> Mask:
@@ -286,10 +286,10 @@ class Crowd:
     def _least_apart(self, rows: Any, towards: Planar, facing: Planar) -> Array | float:
         """Return the least distance between people present, (n, n) [m] or one for all."""
         if not self._anybody_abreast:
-            return KEEP_APART_M + self._more_m
-        together = self._companions[rows][:, rows]
-        apart = least_apart(together, self._companion_m[rows], self._keeps_step[rows], towards, facing)
-        return apart + self._more_m * ~(together | together.T)
+            return KEEP_APART_M
+        return least_apart(
+            self._companions[rows][:, rows], self._companion_m[rows], self._keeps_step[rows], towards, facing
+        )
 
     def arms_in(self) -> Array | float:
         """Return the fraction by which each holds in the left and the right arm, (2, n); 0 where all are far apart."""
