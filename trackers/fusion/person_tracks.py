@@ -183,6 +183,14 @@ class People(ImmTracks):
         facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
         return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing, by_trunk)
 
+    def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
+        """Return the people with their heads after pictures that did not show those due.
+
+        The stature of a standing person whose head must be elsewhere is not known any more: a chest was taken for a head.
+        """
+        heads, elsewhere = heads.awaited(due & (self.posture.probability[:, 0] > 0.5), ns)
+        return self.changed(heads=heads, stature_m=np.where(elsewhere, np.nan, self.stature_m))
+
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float
     ) -> Self:

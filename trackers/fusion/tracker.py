@@ -318,8 +318,7 @@ class Fusion(SynchronizedTracker):
         """Update heads by pictures, bodies by their heads, and colours."""
         if not cameras or not len(people):
             return people
-        before, head, covariance = people.heads, people.head, people.head_covariance
-        crowns = people.crowns
+        before, head, crowns, covariance = people.heads, people.head, people.crowns, people.head_covariance
         sigma_m = np.sqrt((covariance[:, 0, 0] + covariance[:, 1, 1]) / 2)
         asked = people.confirmed & own(head)
         in_view = np.array([each.sees(head, crowns) for each in cameras]) & asked
@@ -327,7 +326,8 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
         heads, row, place, R = self._weighing.updated(before, head, covariance, cameras, in_view, outlined, share, ns)
-        people = people.changed(heads=heads)
+        due = outlined.any(axis=0) & ~written(np.zeros(len(people), np.bool_), row, True)
+        people = people.with_heads(heads, due, ns)
         if row.size:
             state = self._imm.update(people.state, row, place, R, HEAD)
             people = people.changed(roster=people.roster.measured(row, ns, state))

@@ -15,7 +15,8 @@ from pydantic import Field, FiniteFloat, PositiveInt
 from trackers.arrays import AnyArray, Array, Bool, Float, Float32, Index, Int, Int32, Mask, Singles
 from trackers.configuration import Strict
 from trackers.vision.head_colours import COLOURS, SHARES
-from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of
+from trackers.vision.head_outlines import ring_points
+from trackers.vision.stereo_picture import FOREGROUND, IN_PICTURE, SKIN, mean_of, share_of
 from trackers.vision.views import ProjectedPoints, WindowOptions
 
 Linear = tuple[FiniteFloat, FiniteFloat]
@@ -125,15 +126,31 @@ def point_log_likelihood(
 
 
 class SilhouetteOptions(Strict):
-    """Options of foreground inside the ellipse of a head and background over it (ours)."""
+    """Options of foreground inside the ellipse of a head and background about it (ours)."""
 
     power: float = Field(default=6.0, gt=0, description="power of the two shares")
     ring: float = Field(default=1.3, gt=1, description="size of the half ring over the ellipse, in its semi-axes")
     ring_points: PositiveInt = Field(default=8, le=128, description="points looked at on the half ring")
+    above: float | None = Field(
+        default=None,
+        gt=1,
+        description="size of an arc of 90° further over the ellipse, in its semi-axes: background over a head, a head over a "
+        "shoulder; null: not looked at",
+    )
     floor: float = Field(default=0.02, gt=0, lt=1, description="a share counts at least as this")
 
-    def log_likelihood(self, filled: Float[Singles, "n"], free: Float[Singles, "n"]) -> Float[Singles, "n"]:
-        """Return log-likelihoods by the share of foreground in each ellipse and of background in the half ring."""
+    def outside(self) -> Float[Array, "k 2"]:
+        """Return the points about the unit disc that are looked at: those of the half ring, then those of the arc."""
+        ring = ring_points(self.ring_points, self.ring)
+        if self.above is None:
+            return ring
+        return np.concatenate([ring, ring_points(max(self.ring_points // 2, 1), self.above, np.pi / 2)])
+
+    def log_likelihood(self, filled: Float[Singles, "n"], outside: Int32[AnyArray, "k n"]) -> Float[Singles, "n"]:
+        """Return log-likelihoods by the share of foreground in each ellipse, and of background among the pixels outside it."""
         floor = np.float32(self.floor)
-        both = np.maximum(filled, floor) * np.maximum(free, floor)
-        return np.float32(self.power) * np.log(both)
+        product = np.maximum(filled, floor)
+        for part in (outside[: self.ring_points], outside[self.ring_points :]):
+            if len(part):
+                product = product * np.maximum(1 - share_of(part, FOREGROUND), floor)
+        return np.float32(self.power) * np.log(product)

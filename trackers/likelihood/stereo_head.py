@@ -21,7 +21,7 @@ from trackers.configuration import Strict
 from trackers.likelihood.colour import Linear, PersonColourOptions, SilhouetteOptions, SkinShareOptions, linear_log
 from trackers.user_input.former_options import warn_of_former_name
 from trackers.vision.head_colours import COLOURS, SHARES, HeadModel
-from trackers.vision.head_outlines import ASPECTS, Outlines, cells_shown, inner_points, outlines, ring_points
+from trackers.vision.head_outlines import ASPECTS, Outlines, cells_shown, inner_points, outlines
 from trackers.vision.stereo_picture import FOREGROUND, PackedPicture, mean_of, pixels_in, range_m, share_of
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -189,18 +189,17 @@ class StereoHeads:
         c, n, p = heads.shape[1:]
         seen_as = outlines(self._cameras, heads.reshape(4, c, n * p), options.semi_axes_m)
         inner, silhouette = inner_points(options.points), options.silhouette or SilhouetteOptions()
-        ring = ring_points(silhouette.ring_points, silhouette.ring)
-        pixels = pixels_in(pictures, seen_as, np.concatenate([inner, ring]))
-        pixels, around = pixels[: len(inner)], pixels[len(inner) :]
+        pixels = pixels_in(pictures, seen_as, np.concatenate([inner, silhouette.outside()]))
+        pixels, outside = pixels[: len(inner)], pixels[len(inner) :]
         colour, depth = np.zeros(c * n * p, np.float32), np.zeros(c * n * p, np.float32)
         if options.person_colour is not None and tables is not None:
             steps = self._steps_shown.take(seen_as.aspects(), axis=1)
             colour += options.person_colour.log_likelihood(pixels, steps, tables, p)
         if options.skin_share is not None:
             colour += options.skin_share.log_likelihood(options.skin_share.share(pixels), seen_as.facing)
-        filled, free = share_of(pixels, FOREGROUND), 1 - share_of(around, FOREGROUND)
+        filled, free = share_of(pixels, FOREGROUND), 1 - share_of(outside[: silhouette.ring_points], FOREGROUND)
         if options.silhouette is not None:
-            colour += options.silhouette.log_likelihood(filled, free)
+            colour += options.silhouette.log_likelihood(filled, outside)
         known = np.array([each.knows_depth for each in pictures])
         if known.any():
             for each in (options.depth, options.depth_in_metres):

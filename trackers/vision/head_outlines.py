@@ -126,9 +126,9 @@ def inner_points(count: int) -> Float[Array, "k 2"]:
 
 
 @lru_cache(maxsize=32)
-def ring_points(count: int, size: float) -> Float[Array, "k 2"]:
-    """Spread points over a half ring above the upper half of the disc, `size` times as large."""
-    angle = np.pi * (np.arange(count) + 0.5) / count
+def ring_points(count: int, size: float, span_rad: float = np.pi) -> Float[Array, "k 2"]:
+    """Spread points over an arc above the middle of the disc, `size` times as large; a half ring unless `span_rad` is less."""
+    angle = (np.pi - span_rad) / 2 + span_rad * (np.arange(count) + 0.5) / count
     return _kept(size * np.cos(angle), -size * np.sin(angle))
 
 

@@ -228,3 +228,13 @@ def test_loads_are_where_a_standing_person_is_and_teach_where_a_sitting_persons_
         place[posture], legs[posture] = people.positions[0, 0], people.legs[0, 0]
     assert 0.1 <= place["stands"] < 0.3 and abs(legs["stands"]) < 0.1
     assert 0.0 <= place["sits"] < 0.06 and abs(place["sits"] + legs["sits"] - 0.4) < 0.1
+
+
+def test_a_stature_is_known_while_pictures_that_should_show_the_head_do() -> None:
+    """Of three who stand, pictures show the first at last, cannot show the second, and should show the third."""
+    people = people_at([(0.0, 0.0), (2.0, 0.0), (4.0, 0.0)]).changed(stature_m=np.array([1.5, 1.6, 1.7]))
+    for ns in range(0, 2_000_000_000, 100_000_000):
+        shown = np.array([ns % 1_000_000_000 == 0, True, False])
+        people = people.with_heads(people.heads, np.array([True, False, True]) & ~shown, ns)
+    assert np.isnan(people.stature_m).tolist() == [False, False, True]
+    assert people.stature_m2[2] > people.stature_m2[:2].max()

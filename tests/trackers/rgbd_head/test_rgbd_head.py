@@ -155,14 +155,22 @@ def one_by_one(camera, picture, head, table, options):
         expected = float(colour.expected(seen_as.facing)[0])
         weight = np.log(max(colour.linear[0] - colour.linear[1] * abs(skin / inside - expected), 1e-3))
     if options.silhouette is not None:
-        free = 0
+        shares, above = max(filled / n, options.silhouette.floor), options.silhouette.above
         ring = ring_points(options.silhouette.ring_points, options.silhouette.ring)
-        for x, y in ring:
-            u, v = seen_as.centre[:, 0] + x * seen_as.across[:, 0] + y * seen_as.down[:, 0]
-            column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-            within = 0 <= column < LENS.width and 0 <= row < LENS.height
-            free += not (within and picture.pixels[row, column] & 1 << 10)
-        shares = max(filled / n, options.silhouette.floor) * max(free / len(ring), options.silhouette.floor)
+        arc = (
+            []
+            if above is None
+            else above * np.array([[np.cos(a), -np.sin(a)] for a in np.radians([56.25, 78.75, 101.25, 123.75])])
+        )
+        for points in (ring, arc):
+            free = 0
+            for x, y in points:
+                u, v = seen_as.centre[:, 0] + x * seen_as.across[:, 0] + y * seen_as.down[:, 0]
+                column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+                within = 0 <= column < LENS.width and 0 <= row < LENS.height
+                free += not (within and picture.pixels[row, column] & 1 << 10)
+            if len(points):
+                shares *= max(free / len(points), options.silhouette.floor)
         weight += options.silhouette.power * np.log(shares)
     if options.depth is not None:
         return weight, -options.depth.power * off / n
@@ -174,7 +182,9 @@ def test_the_papers_options_are_options_of_the_system():
     RgbdHeadOptions.model_validate(PAPER)
 
 
-@pytest.mark.parametrize("rules", [{}, PAPER["stereo_head"]], ids=["ours", "paper"])
+@pytest.mark.parametrize(
+    "rules", [{}, {"silhouette": {"above": 2.2}}, PAPER["stereo_head"]], ids=["ours", "fusion", "paper"]
+)
 def test_weights_are_those_of_one_head_after_another(rules):
     options = StereoHeadOptions(**rules)
     camera, picture = camera_and_picture()
