@@ -39,6 +39,8 @@ _ALONG_M = 1.0
 """Standard deviation, along the sight, of a head that one camera without distances shows: how large it is is not known [m]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
+_LEAST_GAIN = 0.1
+"""And at least this share of what was known before: the sums over few points are not exact."""
 _PASSES, _LEAST_ESS = 3, 12.0
 """A likelihood is taken in at most so many parts, such that as many points count in each."""
 _LEAST_FREE = 1e-3
@@ -270,13 +272,13 @@ def gained(
 
     The information of a likelihood is that of the posterior less that of the prior, so that nothing is counted twice.
     """
-    inverse = np.linalg.inv(P)
-    values, axes = np.linalg.eigh(inverse - np.linalg.inv(covariance))
-    variance = 1 / np.maximum(values, _KNOWS_NOTHING)
+    inverse, before = np.linalg.inv(P), np.linalg.inv(covariance)
+    values, axes = np.linalg.eigh(inverse - before)
+    informs = values > np.maximum(_LEAST_GAIN * np.einsum("kab,kac,kcb->kb", axes, before, axes), _KNOWS_NOTHING)
+    variance = 1 / np.where(informs, values, _KNOWS_NOTHING)
     R = np.einsum("kab,kb,kcb->kac", axes, variance, axes)
     moved = np.einsum("kab,kb->ka", inverse, after - mean)
-    informative = np.where(values > _KNOWS_NOTHING, variance, 0.0)
-    return mean + np.einsum("kab,kb,kcb,kc->ka", axes, informative, axes, moved), R
+    return mean + np.einsum("kab,kb,kcb,kc->ka", axes, informs * variance, axes, moved), R
 
 
 @lru_cache(maxsize=4)

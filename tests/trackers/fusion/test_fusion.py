@@ -17,7 +17,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
 from trackers.fusion.association import pair
-from trackers.fusion.heads import log_free, sights_of_one, unit_points
+from trackers.fusion.heads import gained, log_free, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, LEGS, PersonMotion
@@ -238,3 +238,12 @@ def test_a_stature_is_known_while_pictures_that_should_show_the_head_do() -> Non
         people = people.with_heads(people.heads, np.array([True, False, True]) & ~shown, ns)
     assert np.isnan(people.stature_m).tolist() == [False, False, True]
     assert people.stature_m2[2] > people.stature_m2[:2].max()
+
+
+def test_a_measurement_is_what_makes_the_prior_the_posterior_and_none_where_hardly_anything_was_learned() -> None:
+    """Along an axis whose variance hardly sinks, a shift of the mean is an error of the sums, and no measurement far away."""
+    prior, shift = np.diag([0.01, 0.02, 0.04])[None], np.array([[0.05, 0.05, 0.0]])
+    place, R = gained(np.zeros((1, 3)), prior, shift, np.diag([0.0099, 0.005, 0.04])[None])
+    gain = prior @ np.linalg.inv(prior + R)
+    assert (gain @ place[..., None])[0, :, 0] == pytest.approx([0.0, 0.05, 0.0], abs=1e-3)
+    assert np.diagonal((np.eye(3) - gain) @ prior, axis1=1, axis2=2)[0] == pytest.approx([0.01, 0.005, 0.04], rel=0.02)
