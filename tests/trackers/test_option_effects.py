@@ -95,15 +95,16 @@ def absurd(info: FieldInfo, value: Any) -> list[Any]:
             tuple(1 if isinstance(each, int) else each / 2 for each in value if not isinstance(each, str)),
         ]
     if value is None:
-        return [1e-3, 1e3, 1, {}, 0.0]
-    if isinstance(value, int):
+        tried = [1e-3, 1e3, 1, {}, 0.0]
+    elif isinstance(value, int):
         tried = [value // 100, 2 * value, value + 10_000, 1, 0]
     else:
         tried = [value / 100, 100 * value + 10, 3 * value + 0.3, 0.8 * value, 0.0, 0.999, value / 1000, value + 10_000]
     for bound in info.metadata:
         for name, sign in (("ge", 1), ("gt", 1), ("le", -1), ("lt", -1)):
             edge = getattr(bound, name, None)
-            tried += [] if edge is None else [type(value)(edge), type(value)(edge + sign * 1e-3)]
+            if edge is not None:
+                tried += [edge + sign] if value is None else [type(value)(edge), type(value)(edge + sign * 1e-3)]
     return [each for each in tried if each != value]
 
 

@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from trackers.arrays import Array, Mask, Planar
+from trackers.arrays import Array, Mask
 from twin.people.body.appearance import BodyAppearance
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground, entry_place
 from twin.people.crowd.motion_command import End
 from twin.people.gait.gait import Gait
-from twin.people.gait.gait_state import joint_coordinates
-from twin.people.poses import TICK_S, PopulationMotion, Poses, Rehearsal
+from twin.people.poses import TICK_S, PopulationMotion, Poses, Rehearsal, standing
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import FreeGaze
 from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
@@ -84,7 +83,8 @@ class Population(Poses):
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
         self._context = ScriptContext(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
         if rehearsal is not None:
-            self._context.overlap = partial(rehearsal.deepest, self._postures, self._stands)
+            stands = partial(standing, self._gait, self._skeleton, self._crowd)  # no method, which would refer back
+            self._context.overlap = partial(rehearsal.deepest, self._postures, stands)
         for number, person in enumerate(described):
             if (seat := _seat_from_start(person, ground)) is not None:
                 self._postures.begin_seated(number, seat, _approach(seat, ground, measures, number).side)
@@ -158,10 +158,6 @@ class Population(Poses):
             self._step()
             ticks.append(self._history.last())
         return PopulationMotion(*(np.stack(each) for each in zip(*ticks, strict=True)))
-
-    def _stands(self) -> tuple[Array, Planar, Array]:
-        """Return joint coordinates without postures, places and headings of all people."""
-        return joint_coordinates(self._gait.state, self._skeleton), self._crowd.place, self._crowd.heading
 
     def _record(self) -> None:
         self._history.append(self._gait.state, self._postures.rows, self._crowd.present)

@@ -17,7 +17,8 @@ from trackers.arrays import Array, Mask, Planar
 from twin.instant.snapshot import Feet, Snapshot, on_the_floor
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.proportions import Skeleton
-from twin.people.gait.gait import GRAVITY_M_S2
+from twin.people.gait.footsteps import MovingBodies
+from twin.people.gait.gait import GRAVITY_M_S2, Gait
 from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates, pelvis_yaw
 from twin.people.posture.body_measures import TOLERANCE_M, BodyMeasures, Penetration, PenetrationCheck
 from twin.people.posture.overlay import overlay_postures, pelvis_over_floor
@@ -332,3 +333,8 @@ class Rehearsal:
         person = self._ids[number]
         snapshot = Snapshot(0.0, self._model, data, self._owner)
         return {each.other_geom: each for each in check.at(snapshot, {person: allowed}, only=person)}
+
+
+def standing(gait: Gait, skeleton: Skeleton, crowd: MovingBodies) -> tuple[Array, Planar, Array]:
+    """Return joint coordinates without postures, places and headings of all people."""
+    return joint_coordinates(gait.state, skeleton), crowd.place, crowd.heading
