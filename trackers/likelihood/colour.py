@@ -16,7 +16,7 @@ from trackers.arrays import AnyArray, Array, Bool, Float, Float32, Index, Int, I
 from trackers.configuration import Strict
 from trackers.vision.head_colours import COLOURS, SHARES
 from trackers.vision.head_outlines import ring_points
-from trackers.vision.stereo_picture import FOREGROUND, IN_PICTURE, SKIN, mean_of, share_of
+from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of
 from trackers.vision.views import ProjectedPoints, WindowOptions
 
 Linear = tuple[FiniteFloat, FiniteFloat]
@@ -146,11 +146,10 @@ class SilhouetteOptions(Strict):
             return ring
         return np.concatenate([ring, ring_points(max(self.ring_points // 2, 1), self.above, np.pi / 2)])
 
-    def log_likelihood(self, filled: Float[Singles, "n"], outside: Int32[AnyArray, "k n"]) -> Float[Singles, "n"]:
-        """Return log-likelihoods by the share of foreground in each ellipse, and of background among the pixels outside it."""
+    def log_likelihood(self, filled: Float[Singles, "n"], free: Sequence[Float[Singles, "n"]]) -> Float[Singles, "n"]:
+        """Return log-likelihoods by the share of foreground in each ellipse, and of background on the ring and on the arc."""
         floor = np.float32(self.floor)
         product = np.maximum(filled, floor)
-        for part in (outside[: self.ring_points], outside[self.ring_points :]):
-            if len(part):
-                product = product * np.maximum(1 - share_of(part, FOREGROUND), floor)
+        for share in free:
+            product = product * np.maximum(share, floor)
         return np.float32(self.power) * np.log(product)

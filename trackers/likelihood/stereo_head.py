@@ -197,9 +197,10 @@ class StereoHeads:
             colour += options.person_colour.log_likelihood(pixels, steps, tables, p)
         if options.skin_share is not None:
             colour += options.skin_share.log_likelihood(options.skin_share.share(pixels), seen_as.facing)
-        filled, free = share_of(pixels, FOREGROUND), 1 - share_of(outside[: silhouette.ring_points], FOREGROUND)
+        parts = outside[: silhouette.ring_points], outside[silhouette.ring_points :]
+        filled, free = share_of(pixels, FOREGROUND), [1 - share_of(part, FOREGROUND) for part in parts if len(part)]
         if options.silhouette is not None:
-            colour += options.silhouette.log_likelihood(filled, outside)
+            colour += options.silhouette.log_likelihood(filled, free)
         known = np.array([each.knows_depth for each in pictures])
         if known.any():
             for each in (options.depth, options.depth_in_metres):
@@ -213,7 +214,7 @@ class StereoHeads:
             for counts, each, other in (
                 (seen, colour, not_shown),
                 (seen & known[:, None], depth, np.float32(0)),
-                (seen, filled * free, np.float32(0)),
+                (seen, filled * free[0], np.float32(0)),
             )
         )
         return [HeadLikelihoods(*each) for each in zip(colour, depth, p_detect.astype(np.float16), seen, strict=True)]
