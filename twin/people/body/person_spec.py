@@ -75,8 +75,8 @@ def person_spec(
 ) -> mujoco.MjSpec:
     """Build the body as a model of its own, to be attached to a room's worldbody with a prefix.
 
-    `only`: names of the geoms to build, None for all; segments and joints are always complete. `pictures`: False leaves face
-    and prints out, for a model that is never drawn.
+    `only`: names of the geoms to build, None for all; segments and joints are always complete. `pictures`: False leaves face,
+    prints and texture coordinates out, for a model that is never drawn.
 
     `spec.attach(person_spec(appearance), prefix="anna/", frame=spec.worldbody.add_frame())` keeps the free joint
     `anna/root`. Sites: `head` (centre of the head, x ahead), `pelvis`, and `point_00`, `point_01`, ... inside the body, the
@@ -177,11 +177,11 @@ class _BodyBuilder:
         if not self._wants(name):
             return
         surface = make()
-        if material == "shirt" and self.woven:
+        if material == "shirt" and self.woven and self._pictures:
             breadth = np.linalg.norm(np.ptp(surface.vertex, axis=0)[:2]) / 1.4142
             length = float(np.ptp(surface.vertex[:, 2]))
             surface = surface.tiled(max(1, round(np.pi * breadth / TILE_M)), length / TILE_M)
-        surface.add_to(self.spec, name)
+        surface.add_to(self.spec, name, pictures=self._pictures)
         body.add_geom(
             name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=material, group=group, contype=0,
             conaffinity=0,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -14,68 +14,89 @@ from numpy.typing import ArrayLike, NDArray
 from trackers.arrays import Array
 
 
+class Texture(NamedTuple):
+    """Texture coordinates of a mesh: coordinates (k, 2), and the rows of these at the corners of each face (m, 3).
+
+    u from the back over the right side, front (0.5) and left side to the back again, v from bottom to top.
+    """
+
+    coordinates: Array
+    face: NDArray[np.intp]
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A closed triangle mesh: vertex (n, 3) [m], face (m, 3), and texture coordinates.
-
-    texture (k, 2): u from the back over the right side, front (0.5) and left side to the back again, v from bottom to top;
-    texture_face (m, 3): the rows of `texture` at the corners of each face.
-    """
+    """A closed triangle mesh: vertex (n, 3) [m], face (m, 3), and a function to its texture, worked out for pictures alone."""
 
     vertex: Array
     face: NDArray[np.intp]
-    texture: Array
-    texture_face: NDArray[np.intp]
+    texture: Callable[[], Texture]
 
     def __add__(self, other: Surface) -> Surface:
         """Return both as one mesh of two parts."""
-        return Surface(
-            np.vstack([self.vertex, other.vertex]),
-            np.vstack([self.face, other.face + len(self.vertex)]),
-            np.vstack([self.texture, other.texture]),
-            np.vstack([self.texture_face, other.texture_face + len(self.texture)]),
-        )
+
+        def texture() -> Texture:
+            own, others = self.texture(), other.texture()
+            return Texture(
+                np.vstack([own.coordinates, others.coordinates]),
+                np.vstack([own.face, others.face + len(own.coordinates)]),
+            )
+
+        vertex = np.vstack([self.vertex, other.vertex])
+        return Surface(vertex, np.vstack([self.face, other.face + len(self.vertex)]), texture)
 
     def moved(self, by: ArrayLike) -> Surface:
         """Return the surface shifted by (3,) [m]."""
-        return Surface(self.vertex + np.asarray(by), self.face, self.texture, self.texture_face)
+        return replace(self, vertex=self.vertex + np.asarray(by))
 
     def turned(self, pitch_rad: float) -> Surface:
         """Return the surface turned about the y axis, forward and down."""
         c, s = np.cos(pitch_rad), np.sin(pitch_rad)
         rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-        return Surface(self.vertex @ rotation.T, self.face, self.texture, self.texture_face)
+        return replace(self, vertex=self.vertex @ rotation.T)
 
     def mirrored(self) -> Surface:
         """Return the surface with left and right exchanged, its texture with it."""
-        return Surface(self.vertex * (1, -1, 1), self.face[:, ::-1], self.texture, self.texture_face[:, ::-1])
+
+        def texture() -> Texture:
+            own = self.texture()
+            return Texture(own.coordinates, own.face[:, ::-1])
+
+        return Surface(self.vertex * (1, -1, 1), self.face[:, ::-1], texture)
 
     def painted(self, u: float, v: float) -> Surface:
         """Return the surface in the colour of one texture coordinate."""
-        return Surface(self.vertex, self.face, np.array([[u, v]]), np.zeros_like(self.face))
+        return replace(self, texture=lambda: Texture(np.array([[u, v]]), np.zeros_like(self.face)))
 
     def tiled(self, around: float, along: float) -> Surface:
         """Return the surface with its texture repeated so many times around and along."""
-        return Surface(self.vertex, self.face, self.texture * (around, along), self.texture_face)
 
-    @cached_property
-    def _lists(self) -> dict[str, list[Any]]:
-        """Arguments of a mesh: lists, which MuJoCo takes twice as fast as arrays."""
-        return {
-            "uservert": self.vertex.ravel().tolist(),
-            "userface": self.face.ravel().tolist(),
-            "usertexcoord": self.texture.ravel().tolist(),
-            "userfacetexcoord": self.texture_face.ravel().tolist(),
-        }
+        def texture() -> Texture:
+            own = self.texture()
+            return Texture(own.coordinates * (around, along), own.face)
 
-    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Add the surface to the spec as a mesh."""
+        return replace(self, texture=texture)
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, *, pictures: bool = True) -> None:
+        """Add the surface to the spec as a mesh; without `pictures` it has no texture."""
         spec.add_mesh(
             name=name,
-            **self._lists,
+            **self._shape,
+            **(self._wrapping if pictures else {}),
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
             smoothnormal=True,
         )
+
+    @cached_property
+    def _shape(self) -> dict[str, list[Any]]:
+        """Arguments of a mesh: lists, which MuJoCo takes twice as fast as arrays."""
+        return {"uservert": self.vertex.ravel().tolist(), "userface": self.face.ravel().tolist()}
+
+    @cached_property
+    def _wrapping(self) -> dict[str, list[Any]]:
+        """Further arguments of a mesh with a texture."""
+        coordinates, face = self.texture()
+        return {"usertexcoord": coordinates.ravel().tolist(), "userfacetexcoord": face.ravel().tolist()}
 
 
 def around(sides: int) -> Array:
@@ -109,21 +130,19 @@ def loft(ring: Array) -> Surface:
     """Make the closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
     count, sides, _ = ring.shape
     vertex = np.concatenate([ring.reshape(-1, 3), ring[[0, -1]].mean(axis=1)])
+    return Surface(vertex, _faces(count, sides, sides), partial(_wrapped, ring))
+
+
+def _wrapped(ring: Array) -> Texture:
+    """Wrap a texture about the surface through rings (m, n, 3) [m]: v by their distances."""
+    count, sides, _ = ring.shape
     way = ring[1:] - ring[:-1]
     v = np.zeros(count)
     np.cumsum(np.sqrt((way * way).sum(axis=-1)).mean(axis=1), out=v[1:])
-    texture = _texture(count, sides).copy()
-    texture[:-2, 1] = np.repeat(v / max(v[-1], 1e-9), sides + 1)
-    return Surface(vertex, _faces(count, sides, sides), texture, _faces(count, sides, sides + 1))
-
-
-@lru_cache(maxsize=256)
-def _texture(count: int, sides: int) -> Array:
-    """Return texture coordinates of so many rings, and of both poles, without the v of the rings."""
-    texture = np.zeros((count * (sides + 1) + 2, 2))
-    texture[:-2, 0], texture[-2:, 0] = np.tile(np.linspace(0, 1, sides + 1), count), 0.5
-    texture[-1, 1] = 1.0
-    return texture
+    coordinates = np.zeros((count * (sides + 1) + 2, 2))
+    coordinates[:-2, 0], coordinates[-2:, 0] = np.tile(np.linspace(0, 1, sides + 1), count), 0.5
+    coordinates[:-2, 1], coordinates[-1, 1] = np.repeat(v / max(v[-1], 1e-9), sides + 1), 1.0
+    return Texture(coordinates, _faces(count, sides, sides + 1))
 
 
 @lru_cache(maxsize=256)

@@ -137,7 +137,7 @@ def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
 
 def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
     """Compile and measure one body with only the measured geoms."""
-    spec = person_spec(looks, only=_MEASURED)
+    spec = person_spec(looks, only=_MEASURED, pictures=False)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
     model = spec.compile()
     return _measured(model, _standing(model, [""]), "", looks)

@@ -195,6 +195,25 @@ def test_two_people_bring_their_own_pictures():
     }
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_that_is_never_drawn_has_the_same_shape(seed):
+    looks = appearance_of(Person(shirt_pattern="checked"), np.random.default_rng(seed))
+    drawn, plain = (person_spec(looks, pictures=pictures).compile() for pictures in (True, False))
+    for name in (
+        "mesh_vert",
+        "mesh_face",
+        "geom_pos",
+        "geom_quat",
+        "geom_aabb",
+        "body_inertia",
+        "bvh_aabb",
+        "site_pos",
+    ):
+        np.testing.assert_array_equal(getattr(drawn, name), getattr(plain, name), err_msg=name)
+    assert plain.ntex == 0
+    assert plain.mesh_texcoord.size == 0
+
+
 @pytest.mark.parametrize("heading", np.linspace(-np.pi, np.pi, 9))
 def test_a_scanner_meets_two_legs_at_the_knee_and_one_trunk_with_arms_at_the_waist(heading):
     spec = mujoco.MjSpec.from_file(str(MODELS / "rooms" / "lab.xml"))
