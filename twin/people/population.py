@@ -19,10 +19,10 @@ from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground, entry_place
 from twin.people.crowd.motion_command import End
 from twin.people.gait.gait import Gait
-from twin.people.poses import TICK_S, PopulationMotion, Poses, Rehearsal, standing
+from twin.people.poses import PopulationMotion, Poses, Rehearsal, standing
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import FreeGaze
-from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
+from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, TICK_S
 from twin.people.posture.postures import Part, Postures
 from twin.people.posture.resting import seated_pose
 from twin.people.script.actions import perform
@@ -47,8 +47,8 @@ _STANDS_AT_LEAST_S = 0.1
 class Population(Poses):
     """People of a scenario, ordered by name, so that the order of listing has no effect.
 
-    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` accept any t from `poses.HISTORY_S` before the last step up
-    to it. Memory does not grow with time.
+    `advance(t)` and `prepare(times)` step them; `qpos(t)`, `feet(t)` and `truth(t)` accept any t from
+    `posture_rows.HISTORY_S` before the last step up to it. Memory does not grow with time.
     """
 
     def __init__(

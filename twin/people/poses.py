@@ -16,83 +16,15 @@ from trackers.area import wrap_angle
 from trackers.arrays import Array, Mask, Planar
 from twin.instant.snapshot import Feet, Snapshot, on_the_floor
 from twin.people.body.appearance import BodyAppearance
+from twin.people.body.person_spec import NQ_PERSON
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.footsteps import MovingBodies
 from twin.people.gait.gait import GRAVITY_M_S2, Gait
-from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates, pelvis_yaw
+from twin.people.gait.gait_state import HEADING, GaitState, foot_loads, joint_coordinates, pelvis_yaw
 from twin.people.posture.body_measures import TOLERANCE_M, BodyMeasures, Penetration, PenetrationCheck
 from twin.people.posture.overlay import overlay_postures, pelvis_over_floor
-from twin.people.posture.posture_rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
+from twin.people.posture.posture_rows import TICK_S, PoseHistory, active, faced, pressure_shift_m, support
 from twin.people.posture.postures import Part, Postures
-
-TICK_S = 0.025
-"""Period of the people's clock [s]; poses are interpolated between ticks."""
-
-HISTORY_S = 3.0
-"""Time for which poses are kept [s]."""
-
-
-class PoseHistory:
-    """Gait, posture and presence of n people at the ticks of the last `HISTORY_S`; memory does not grow with time."""
-
-    def __init__(self, count: int) -> None:
-        size = round(HISTORY_S / TICK_S) + 1
-        self.tick = -1
-        self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
-        self._rows = np.zeros((size, ROWS, count))
-        self._posture = np.zeros((size, POSTURE_ROWS, count))
-        self._present = np.zeros((size, count), dtype=bool)
-
-    def __len__(self) -> int:
-        """Return the number of ticks that are kept."""
-        return len(self._rows)
-
-    def append(self, state: GaitState, posture: Array, present: NDArray[np.bool_]) -> None:
-        """Append the state, posture (POSTURE_ROWS, n) and presence (n,) of the next tick."""
-        self.tick += 1
-        slot = self.tick % len(self)
-        self._floor[slot], self._rows[slot] = state.floor, state.rows
-        self._posture[slot], self._present[slot] = posture, present
-
-    def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return copies of the last tick's floor, rows, posture, present."""
-        slot = self.tick % len(self)
-        return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
-
-    def present(self, t: float) -> NDArray[np.bool_]:
-        """Return a mask (n,) of the people in the room at time t [s]."""
-        return self._present[self._slots(t)[0]].copy()
-
-    def at(self, t: float) -> tuple[GaitState, Array]:
-        """Interpolate gait state and posture (POSTURE_ROWS, n) at time t [s]. Raises ValueError for a time not kept."""
-        early, late, share = self._slots(t)
-        floor, rows, posture = self._floor, self._rows, self._posture
-        return GaitState(
-            floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
-        ), posture[early] + share * (posture[late] - posture[early])
-
-    def ticks_around(self, t: float) -> list[tuple[GaitState, Array]]:
-        """Return gait state and posture at the two ticks around time t [s], the earlier first; empty before the second tick."""
-        if self.tick == 0:
-            return []
-        late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
-        slots = [(late - 1) % len(self), late % len(self)]
-        return [(GaitState(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
-
-    def _slots(self, t: float) -> tuple[int, int, float]:
-        """Return the two stored ticks around time t [s], and the share of the later one."""
-        size = len(self)
-        oldest = max(0, self.tick - size + 1)
-        place = t / TICK_S
-        if not oldest <= place <= self.tick + 1e-6:
-            raise ValueError(
-                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self.tick * TICK_S:.2f} s, for which "
-                f"people are kept: time goes forward, and {HISTORY_S:g} s back; looks in order of time, or another Simulation, "
-                "are expected"
-            )
-        before = min(int(place + 1e-9), self.tick)
-        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it, so that no load is below 0
-        return before % size, min(before + 1, self.tick) % size, share
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +44,16 @@ class PopulationTruth:
     vy: Array
 
 
+@dataclass(eq=False)
+class _PoseAtTime:
+    """Gait state and posture at one time and at the ticks around it, read-only; the joint coordinates once asked for."""
+
+    state: GaitState
+    posture: Array
+    around: list[tuple[GaitState, Array]]
+    coordinates: Array | None = None
+
+
 class Poses(ABC):
     """Poses, soles and truth of people ordered by name, from the history of their last ticks."""
 
@@ -119,13 +61,14 @@ class Poses(ABC):
         """`appearances`: source of proportions and mass; `measures`: of the bodies, in the order of `names`."""
         self.names = tuple(names)
         looks = [appearances[name] for name in self.names]
-        self._skeleton = Skeleton([each.proportions for each in looks], [each.carries for each in looks])
+        self._skeletons = {1: Skeleton([each.proportions for each in looks], [each.carries for each in looks])}
+        self._skeleton, self._looks = self._skeletons[1], looks
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._measures = measures
         self._history = PoseHistory(len(self.names))
-        self._asked: tuple[float, int] | None = None  # time and tick of the last query; its answers:
-        self._stood: tuple[GaitState, Array]
-        self._coordinates_then: Array | None
+        self._prepared: dict[float, _PoseAtTime] = {}
+        self._asked: tuple[float, int] | None = None  # time and tick of the last query about another time
+        self._pose_then: _PoseAtTime
 
     def __len__(self) -> int:
         return len(self.names)
@@ -139,6 +82,27 @@ class Poses(ABC):
     def _step(self) -> None:
         """Step the people by one tick."""
 
+    def prepare(self, times: Sequence[float]) -> None:
+        """Step to the last of these times [s], and work out the joint coordinates at all of them in one call.
+
+        times: ascending, within `AHEAD_S`. Answers about them are as if they were asked for one by one, to the bit.
+        """
+        self._prepared = {}
+        for t in times:
+            self.advance(t)
+            self._prepared[t] = self._read(t)
+        states, count = [pose.state for pose in self._prepared.values()], len(self._prepared)
+        whole = GaitState(
+            np.concatenate([each.floor for each in states], axis=1),
+            np.concatenate([each.rows for each in states], axis=1),
+        )
+        if count not in self._skeletons:
+            looks = self._looks * count
+            self._skeletons[count] = Skeleton([each.proportions for each in looks], [each.carries for each in looks])
+        upright = joint_coordinates(whole, self._skeletons[count]).reshape(count, len(self), NQ_PERSON)
+        for pose, coordinates in zip(self._prepared.values(), upright, strict=True):
+            pose.coordinates = overlay_postures(coordinates, pose.posture, self._measures)
+
     def present(self, t: float) -> Mask:
         """Return a mask (n,) of the people in the room at time t [s]."""
         return self._history.present(t)
@@ -148,16 +112,16 @@ class Poses(ABC):
 
         Absent people have those of their last, or else first, presence.
         """
-        state, posture = self._at(t)
-        if self._coordinates_then is None:
-            self._coordinates_then = self._coordinates(state, posture)
-        return self._coordinates_then.copy()
+        pose = self._at(t)
+        if pose.coordinates is None:
+            upright = joint_coordinates(pose.state, self._skeleton)
+            pose.coordinates = overlay_postures(upright, pose.posture, self._measures)
+        return pose.coordinates.copy()
 
     def feet(self, t: float) -> Feet:
         """Return all soles and the weight on them at time t [s]."""
-        state, posture = self._at(t)
-        present = self.present(t)
-        feet = foot_loads(state, self._skeleton)
+        pose, present = self._at(t), self.present(t)
+        feet, posture = foot_loads(pose.state, self._skeleton), pose.posture
         on_feet, acceleration = support(posture)
         load = on_the_floor(feet.load, feet.height)
         load_n = load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
@@ -172,25 +136,25 @@ class Poses(ABC):
 
     def truth(self, t: float) -> PopulationTruth:
         """Return the truth about all people at time t [s]."""
-        state, posture = self._at(t)
-        qpos = self.qpos(t)
-        velocity = state.pelvis_velocity + self._posture_velocity(t)
-        yaw = wrap_angle(faced(state.rows[HEADING], posture))
+        pose, qpos = self._at(t), self.qpos(t)
+        velocity = pose.state.pelvis_velocity + self._posture_velocity(pose.around)
+        yaw = wrap_angle(faced(pose.state.rows[HEADING], pose.posture))
         x, y, z = qpos[:, :3].T.copy()
         return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
 
-    def _at(self, t: float) -> tuple[GaitState, Array]:
-        """Return gait state and posture at time t [s], read-only."""
+    def _at(self, t: float) -> _PoseAtTime:
+        """Return the pose at time t [s]."""
+        if (prepared := self._prepared.get(t)) is not None:
+            return prepared
         if self._asked != (t, self._history.tick):
-            self._asked, self._stood, self._coordinates_then = (t, self._history.tick), self._history.at(t), None
-        return self._stood
+            self._asked, self._pose_then = (t, self._history.tick), self._read(t)
+        return self._pose_then
 
-    def _coordinates(self, state: GaitState, posture: Array) -> Array:
-        return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)
+    def _read(self, t: float) -> _PoseAtTime:
+        return _PoseAtTime(*self._history.at(t), self._history.ticks_around(t))
 
-    def _posture_velocity(self, t: float) -> Planar:
+    def _posture_velocity(self, around: list[tuple[GaitState, Array]]) -> Planar:
         """Return the velocity of the ground point under the pelvis due to sitting down, bending and the like, (n,) [m/s]."""
-        around = self._history.ticks_around(t)
         if not any(len(active(posture)) for _, posture in around):
             return np.zeros(len(self), dtype=complex)
         ends = []

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 from pydantic import Field
@@ -212,3 +215,34 @@ class Schedule:
             event = SensorEvent(sensor.name, stamp_ns, arrival_ns, dropped or faults.is_lost(stamp_ns))
             yield stamp_ns, place, event, made
             number += 1
+
+
+class ComingStamps:
+    """Stamps of the observations of a schedule, and the sensors of each, read some time ahead."""
+
+    def __init__(self, looks: Iterator[_Look], ahead_s: float, prepare: Callable[[list[float]], object]) -> None:
+        """looks: as `Schedule.ordered` gives them; prepare: called with the times [s] of all stamps within `ahead_s`, before the
+        first of them is yielded.
+        """
+        by_stamp = groupby((event for _, _, event, _ in looks), key=attrgetter("stamp_ns"))
+        self._rest = ((stamp_ns, {event.sensor for event in events}) for stamp_ns, events in by_stamp)
+        self._coming: deque[tuple[int, set[str]]] = deque()
+        self._ahead_ns = round(ahead_s * NS_PER_S)
+        self._prepare = prepare
+        self._prepared_ns = -1
+
+    def until(self, t: float) -> Iterator[tuple[int, set[str]]]:
+        """Yield the stamps [ns] until time t [s] that were not yielded before, and the names of their sensors."""
+        while (coming := self._coming or self._read()) and coming[0][0] <= t * NS_PER_S:
+            if coming[0][0] > self._prepared_ns:
+                self._prepare([stamp_ns / NS_PER_S for stamp_ns, _ in coming])
+                self._prepared_ns = coming[-1][0]
+            yield coming.popleft()
+
+    def _read(self) -> deque[tuple[int, set[str]]]:
+        """Read the next stamps; one alone at the start, so that the first observation need not wait for more."""
+        for each in self._rest:
+            self._coming.append(each)
+            if self._prepared_ns < 0 or each[0] - self._coming[0][0] >= self._ahead_ns:
+                break
+        return self._coming

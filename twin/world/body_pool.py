@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import NQ_PERSON, person_spec
-from twin.people.poses import HISTORY_S, TICK_S
+from twin.people.posture.posture_rows import HISTORY_S, TICK_S
 from twin.room.mjcf import compiled
 from twin.scenario.action import RecordedPath
 from twin.scenario.person import Person

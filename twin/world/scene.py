@@ -18,8 +18,9 @@ from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population, put_in_place, randomized
-from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses, Rehearsal
+from twin.people.poses import PopulationMotion, PrecomputedPoses, Rehearsal
 from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.posture_rows import HISTORY_S, TICK_S
 from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
 from twin.people.script.recorded import known_start, start_places

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby, tee
-from operator import attrgetter
+from itertools import tee
 from typing import NoReturn, Self
 
 import numpy as np
@@ -18,6 +17,7 @@ from trackers.rig import OdometrySensor, Rig
 from twin.geometry.geom_hull import unlikely_meshes
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import randomized
+from twin.people.posture.posture_rows import AHEAD_S
 from twin.people.script.recorded import (
     WALKING_WARNING,
     close_calls,
@@ -37,7 +37,7 @@ from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.odometry import BaseOdometry
 from twin.sensors.render import RendererOnDemand
-from twin.sensors.schedule import MessageFaults, Schedule, Scheduled, Timing
+from twin.sensors.schedule import ComingStamps, MessageFaults, Schedule, Scheduled, Timing
 from twin.sensors.sensor import Reading, Sensor, TimedSensor, with_faults
 from twin.streams import stream
 from twin.truth.truth_types import Box, TruthDetail, TruthFrame
@@ -135,8 +135,8 @@ class Simulation:
         self._details = self._truth_details(on_detail) if on_detail is not None else None
         self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
         self._ordered, ahead = tee(self._schedule.ordered())
-        self._truth_stamps = groupby((event for _, _, event, _ in ahead), key=attrgetter("stamp_ns"))
-        self._next_truth = self._following_truth()
+        in_order = all(timed.instants_s == (0.0,) for timed in self._sensors.values()) and not driven(scenario)
+        self._stamps = ComingStamps(ahead, AHEAD_S if in_order else 0.0, world.prepare)
         self._coming: Generator[Delivered] | None = None
         self._over = ""  # reason why it has ended
 
@@ -288,8 +288,7 @@ class Simulation:
         }
 
     def _tell_truth_until(self, t: float) -> None:
-        while self._next_truth is not None and self._next_truth[0] <= t * NS_PER_S:
-            stamp_ns, sensors = self._next_truth
+        for stamp_ns, sensors in self._stamps.until(t):
             if self._on_truth is not None or self._details is not None:
                 floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
                 views = self.views if self._shares else {}
@@ -298,12 +297,6 @@ class Simulation:
                     self._on_truth(frame)
                 if self._details is not None:
                     self._details.people(frame, self.world.snapshot(stamp_ns / NS_PER_S))
-            self._next_truth = self._following_truth()
-
-    def _following_truth(self) -> tuple[int, set[str]] | None:
-        """Return the next stamp of any sensor, and the names of its sensors."""
-        stamp_ns, events = next(self._truth_stamps, (None, ()))
-        return None if stamp_ns is None else (stamp_ns, {event.sensor for event in events})
 
     def _healthy(self, name: str, shapes: Callable[[], FootShapes]) -> Sensor:
         device = stream(self.scenario.seed, "device", name)

@@ -164,6 +164,11 @@ class World:
                 cache.store(t, self.data)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet, self._bases)
 
+    def prepare(self, times: Sequence[float]) -> None:
+        """Step the people to the last of the times [s] at which snapshots are taken next, in this order."""
+        if len(times) > 1 and self.pose_cache is None:
+            self.people.prepare(times)
+
     def empty_snapshot(self, t: float) -> Snapshot:
         """Pose the empty room at time t: the people are moved far below the floor.
 

@@ -10,7 +10,7 @@ from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
 from twin.people.body.person_spec import NQ_PERSON
 from twin.people.population import randomized
-from twin.people.poses import HISTORY_S, TICK_S
+from twin.people.posture.posture_rows import HISTORY_S, TICK_S
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M
 from twin.scenario import load_scenario
 from twin.scenario.action import RecordedPath

@@ -3,10 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, GaitState
-from twin.people.poses import TICK_S, PoseHistory
-from twin.people.posture.posture_rows import OFF_FEET, POSTURE_ROWS, minimum_jerk, support
+from twin.people.posture.posture_rows import OFF_FEET, POSTURE_ROWS, TICK_S, PoseHistory, minimum_jerk, support
+from twin.scenario import load_scenario
+from twin.world.scene import build_scene, populate
+
+
+@pytest.mark.parametrize("name", ["lab-five-people", "home-three-people"])
+def test_people_posed_ahead_are_where_they_are_one_time_after_the_other(name):
+    scenario = load_scenario(name)
+    scene = build_scene(scenario, pictures=False)
+    usual, ahead = populate(scenario, scene), populate(scenario, scene)
+    times = [round(k * 1e8) / 1e9 for k in range(1, 40)]
+    for first in range(0, len(times), 10):
+        ahead.prepare(times[first : first + 10])
+        for t in times[first : first + 10]:
+            usual.advance(t)
+            np.testing.assert_array_equal(ahead.qpos(t), usual.qpos(t))
+            for what in ("feet", "truth"):
+                one, other = (vars(getattr(people, what)(t)) for people in (ahead, usual))
+                assert all(np.array_equal(one[field], other[field]) for field in other), (t, what)
 
 
 def test_who_gets_up_never_weighs_less_than_nothing():

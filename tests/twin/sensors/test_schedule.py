@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.schedule import Delivery, Schedule, Scheduled, SensorEvent, Timing
+from twin.sensors.schedule import ComingStamps, Delivery, Schedule, Scheduled, SensorEvent, Timing
 from twin.sensors.sensor import Reading, State
 
 
@@ -73,6 +73,22 @@ def test_stamps_are_exact_and_the_end_is_left_out():
     assert len(events) == 262
     assert [event.stamp_ns for event in events] == [number * 100_000_000 for number in range(262)]
     assert events[3] == SensorEvent("s0", 300_000_000, 300_000_000, dropped=False)
+
+
+@given(ahead_s=st.sampled_from([0.0, 0.5, 1.0]), asked_s=st.lists(st.floats(0, 4), max_size=5).map(sorted))
+def test_stamps_are_told_in_time_and_prepared_before_they_are_due(ahead_s, asked_s):
+    plan, prepared = schedule({"rate_hz": 10}, {"rate_hz": 7, "phase_s": 0.05}, duration_s=3.0), []
+    stamps, told = ComingStamps(plan.ordered(), ahead_s, prepared.extend), {}
+    for t in asked_s:
+        for stamp_ns, sensors in stamps.until(t):
+            assert stamp_ns <= t * 1e9
+            assert stamp_ns / 1e9 in prepared
+            told[stamp_ns] = sensors
+        assert max(prepared, default=0.0) <= t + ahead_s + 0.1
+    due = [event for event in events_of(plan) if event.stamp_ns <= max(asked_s, default=-1.0) * 1e9]
+    assert list(told) == sorted({event.stamp_ns for event in due})
+    assert all(event.sensor in told[event.stamp_ns] for event in due)
+    assert prepared == sorted(set(prepared))
 
 
 def test_stamps_do_not_drift():

@@ -11,8 +11,8 @@ import pytest
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.people import population as population_module
-from twin.people.poses import HISTORY_S
 from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.posture_rows import HISTORY_S
 from twin.scenario import Scenario, load_scenario
 from twin.world import body_pool, scene as scene_module
 from twin.world.body_pool import body_pools

@@ -1,4 +1,4 @@
-"""Rows of numbers that describe a posture over the standing body, and the resulting load on the feet.
+"""Rows of numbers that describe a posture over the standing body, the resulting load on the feet, and poses of the last seconds.
 
 All may be interpolated linearly between ticks: weighted quantities are stored multiplied by their weight. Movements from one
 value to another follow minimum-jerk profiles.
@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackers.arrays import Array
+from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, GaitState
 from twin.people.posture.body_measures import BodyMeasures
+
+TICK_S = 0.025
+"""Period of the people's clock [s]; poses are interpolated between ticks."""
+
+HISTORY_S = 3.0
+"""Time for which poses are kept [s]."""
+
+AHEAD_S = 1.0
+"""Time by which people may be stepped ahead of what is asked about them [s]."""
 
 HELD, HELD_OVER, HELD_HIGH, HELD_YAW = slice(0, 3), 0, 1, 2
 """Weights with which the pelvis is held: over the floor, height, yaw."""
@@ -177,3 +187,68 @@ class MinimumJerkProfile:
         # a reached goal is met to the bit
         self.value = np.where(self._progress >= 1.0, self._goal, self._start + share * (self._goal - self._start))
         self.moving = self._progress < 1.0
+
+
+class PoseHistory:
+    """Gait, posture and presence of n people at the ticks of the last `HISTORY_S`, and of `AHEAD_S` before; memory does not grow
+    with time.
+    """
+
+    def __init__(self, count: int) -> None:
+        size = round((HISTORY_S + AHEAD_S) / TICK_S) + 1
+        self.tick = -1
+        self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
+        self._rows = np.zeros((size, ROWS, count))
+        self._posture = np.zeros((size, POSTURE_ROWS, count))
+        self._present = np.zeros((size, count), dtype=bool)
+
+    def __len__(self) -> int:
+        """Return the number of ticks that are kept."""
+        return len(self._rows)
+
+    def append(self, state: GaitState, posture: Array, present: NDArray[np.bool_]) -> None:
+        """Append the state, posture (POSTURE_ROWS, n) and presence (n,) of the next tick."""
+        self.tick += 1
+        slot = self.tick % len(self)
+        self._floor[slot], self._rows[slot] = state.floor, state.rows
+        self._posture[slot], self._present[slot] = posture, present
+
+    def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Return copies of the last tick's floor, rows, posture, present."""
+        slot = self.tick % len(self)
+        return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
+
+    def present(self, t: float) -> NDArray[np.bool_]:
+        """Return a mask (n,) of the people in the room at time t [s]."""
+        return self._present[self._slots(t)[0]].copy()
+
+    def at(self, t: float) -> tuple[GaitState, Array]:
+        """Interpolate gait state and posture (POSTURE_ROWS, n) at time t [s]. Raises ValueError for a time not kept."""
+        early, late, share = self._slots(t)
+        floor, rows, posture = self._floor, self._rows, self._posture
+        return GaitState(
+            floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
+        ), posture[early] + share * (posture[late] - posture[early])
+
+    def ticks_around(self, t: float) -> list[tuple[GaitState, Array]]:
+        """Return gait state and posture at the two ticks around time t [s], the earlier first; empty before the second tick."""
+        if self.tick == 0:
+            return []
+        late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
+        slots = [(late - 1) % len(self), late % len(self)]
+        return [(GaitState(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
+
+    def _slots(self, t: float) -> tuple[int, int, float]:
+        """Return the two stored ticks around time t [s], and the share of the later one."""
+        size = len(self)
+        oldest = max(0, self.tick - size + 1)
+        place = t / TICK_S
+        if not oldest <= place <= self.tick + 1e-6:
+            raise ValueError(
+                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self.tick * TICK_S:.2f} s, for which "
+                f"people are kept: time goes forward, and {HISTORY_S:g} s back; looks in order of time, or another Simulation, "
+                "are expected"
+            )
+        before = min(int(place + 1e-9), self.tick)
+        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it, so that no load is below 0
+        return before % size, min(before + 1, self.tick) % size, share

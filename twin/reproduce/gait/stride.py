@@ -12,7 +12,7 @@ from trackers.arrays import Array
 from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
 from twin.people.gait.gait_state import GaitState, foot_loads
-from twin.people.poses import TICK_S
+from twin.people.posture.posture_rows import TICK_S
 
 FINE_HZ = 600.0
 """Rate of the force plates, at which loads are interpolated between the people's ticks."""

@@ -7,7 +7,7 @@ import pytest
 from people_cast import AREA, FIVE, make_population
 
 from twin.people.crowd.motion_command import KEEP_APART_M
-from twin.people.poses import TICK_S
+from twin.people.posture.posture_rows import TICK_S
 from twin.room.obstacles import KEEP_FROM_EDGE_M
 from twin.scenario.behaviour import Stand, Walk, Wander
 from twin.scenario.person import Person
