@@ -15,6 +15,7 @@ from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
+from trackers.tracks import TrackFrame
 from trackers.user_input.text_file import AnyPath, as_path
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import write_atomic
@@ -50,10 +51,12 @@ from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
 from twin.truth.truth_types import TruthDetail, TruthFrame
 from twin.world.empty_room import empty_room
-from twin.world.simulation import Simulation
+from twin.world.simulation import Delivered, Simulation
 from twin.world.world import PrecomputedScene, heap_trimmed
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
+_MOST_HELD = 100
+"""Greatest number of observations and truths that are held, to be tracked and then written in a row."""
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
 
 TruthKept = Literal["all", "positions"]
@@ -125,6 +128,7 @@ class _LiveRun:
 
     def open(self, stack: ExitStack, precomputed: PrecomputedScene | None) -> None:
         """Open the simulation, the trackers, the bag and the tables, until `stack` is closed."""
+        self._held: list[TruthFrame | TruthDetail | Delivered] = []
         self._on_truth: list[Callable[[FrameText], object]] = []
         self._on_detail: list[Callable[[TruthDetail], object]] = []
         self._resolved = dump_scenario(self.scenario)
@@ -132,8 +136,8 @@ class _LiveRun:
             Simulation(
                 self.scenario,
                 images=self.images,
-                on_truth=self._pass_truth,
-                on_detail=self._pass_detail if self.whole_truth else None,
+                on_truth=self._held.append,
+                on_detail=self._held.append if self.whole_truth else None,
                 precomputed=precomputed,
                 shares=self.whole_truth,
                 feet=self.whole_truth,
@@ -161,11 +165,13 @@ class _LiveRun:
     def record(self) -> None:
         """Simulate to the end, write the bag and the truth, feed the trackers; note losses and warnings."""
         start = time.perf_counter()
+        most = 1 if self._simulation.rig.cameras() else _MOST_HELD  # pictures are large
         for delivered in self._simulation.deliveries():
-            self._bag.observation(delivered.encoded, delivered.arrival_ns)
-            self._feed.observe(delivered.observation)
-            now_s = delivered.arrival_ns / NS_PER_S
-            self.on_progress("simulating and tracking", now_s, self.scenario.duration_s)
+            self._held.append(delivered)
+            if len(self._held) >= most:
+                self._release()
+        self._release()
+        self._feed.on_frame = self._write_frame
         self._feed.finish()
         self._tracker_warnings = tracker_warnings(self._feed.runners, bool(self.scenario.people))
         self._losses = [*self._feed.log.missing(), *self._feed.losses()]
@@ -177,6 +183,32 @@ class _LiveRun:
         self._spent_s = time.perf_counter() - start
         for note in self._simulation.drawing_notes():
             self.on_note(note)
+
+    def _release(self) -> None:
+        """Track what is held, then write it and the tracks in this order: either is cheaper many times in a row."""
+        tracked: list[TruthFrame | TruthDetail | Delivered | tuple[str, TrackFrame]] = []
+        self._feed.on_frame = lambda name, frame: tracked.append((name, frame))
+        for each in self._held:
+            tracked.append(each)
+            if isinstance(each, Delivered):
+                self._feed.observe(each.observation)
+            elif isinstance(each, TruthFrame) and self._feed.preview is not None:
+                self._feed.preview.add_truth(each)
+        self._held.clear()
+        for each in tracked:
+            match each:
+                case Delivered():
+                    self._bag.observation(each.encoded, each.arrival_ns)
+                    self.on_progress("simulating and tracking", each.arrival_ns / NS_PER_S, self.scenario.duration_s)
+                case TruthFrame():
+                    text = FrameText(each)
+                    for write in self._on_truth:
+                        write(text)
+                case (name, frame):
+                    self._write_frame(name, frame)
+                case detail:
+                    for listen in self._on_detail:
+                        listen(detail)
 
     def _more_truth(self) -> tuple[str, ...]:
         if not self.whole_truth:
@@ -283,7 +315,7 @@ class _LiveRun:
     def _opened_bag(self, stack: ExitStack) -> BagWriter:
         """Open the bag and the tables of the truth, and connect tracks and truth to them."""
         folder, rig = self.out.path, self._simulation.rig
-        writer = BagWriter(
+        bag = BagWriter(
             folder / "recording.mcap",
             rig,
             scenario_yaml=self._resolved,
@@ -291,26 +323,14 @@ class _LiveRun:
             outline=self._site.outline,
             positions_only=not self.whole_truth,
         )
-        bag = stack.enter_context(writer)
-        self._feed.on_frame = TrackTopics(bag, [each.name for each in self.chosen]).write
-        whole = self.whole_truth
-        table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views) if whole else []))
-        self._on_truth += [table, bag.truth]
-        if whole:
+        stack.enter_context(bag)
+        self._write_frame = TrackTopics(bag, [each.name for each in self.chosen]).write
+        seen_from = list(self._simulation.views) if self.whole_truth else []
+        self._on_truth += [stack.enter_context(truth_writer(folder / "truth.csv", seen_from)), bag.truth]
+        if self.whole_truth:
             self._on_truth.append(stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors()))))
             self._on_detail += [stack.enter_context(detail_writer(folder, with_bases=bool(rig.odometry()))), bag.detail]
         return bag
-
-    def _pass_truth(self, frame: TruthFrame) -> None:
-        text = FrameText(frame)
-        for write in self._on_truth:
-            write(text)
-        if self._feed.preview is not None:
-            self._feed.preview.add_truth(frame)
-
-    def _pass_detail(self, detail: TruthDetail) -> None:
-        for listen in self._on_detail:
-            listen(detail)
 
 
 def _unfit(rig: Rig, prior: Prior, seed: int) -> str:

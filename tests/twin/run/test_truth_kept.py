@@ -44,6 +44,17 @@ def test_nothing_else_of_the_truth_is_left(folders: dict[str, Path]):
     assert not any(person.visible or person.feet for frame in frames for person in frame.people)
 
 
+@pytest.mark.parametrize("held", [1, 7])
+def test_a_recording_is_the_same_however_much_is_held_before_it_is_tracked(
+    folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int
+):
+    monkeypatch.setattr("twin.run.live._MOST_HELD", held)
+    scenario = load_scenario("lab-five-people", ["duration_s=1", "background=none"])
+    run_scenario(scenario, trackers=["sort"], out=tmp_path / "out", video=False, images=False)
+    for name in ("recording.mcap", "truth.csv", "truth_rays.csv", "truth_situations.csv", "tracks/sort.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (folders["all"] / name).read_bytes(), name
+
+
 def test_metrics_that_need_more_are_unknown(folders: dict[str, Path]):
     whole, kept = (
         json.loads((folders[name] / "metrics.json").read_text())["trackers"]["sort"] for name in ("all", "positions")
