@@ -14,11 +14,12 @@ from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict, validate
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.rows import Rows
-from trackers.laser.group import people_seen, scanner_groups
+from trackers.frames.moving_scanners import FollowingTracker, ReportIn, frames_of, moving_layers
+from trackers.laser.group import people_seen, scanner_groups, scanners_by_role
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
 from trackers.tracking.roster import Roster, Stage, associate
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 
@@ -41,6 +42,7 @@ class SortOptions(Strict):
     slowdown_s: float = Field(
         default=0.5, gt=0, description="time constant at which a coasting track's speed fades [s]"
     )
+    report_in: ReportIn = "rig"
     track_management: TrackManagementOptions = Field(
         default=TrackManagementOptions(confirm_hits=3, report_s=0.4, start_apart_m=0.6),
         description="when tracks are initiated, confirmed, reported and deleted",
@@ -91,7 +93,7 @@ class KalmanTracks(Rows):
         return type(self)(mean, joseph)
 
 
-class Sort(SynchronizedTracker):
+class Sort(FollowingTracker):
     """One Kalman filter per person on trunks, else legs, of all scanners. Raises InputError for a rig without a scanner."""
 
     Options = SortOptions
@@ -100,33 +102,39 @@ class Sort(SynchronizedTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(SortOptions, options, "tracker sort")
-        self.groups = scanner_groups(rig, list(background))
+        names = [name for each in scanners_by_role(rig, ("waist", "knee")).values() for name in each]
+        frames = frames_of(rig, names)
+        self.groups = scanner_groups(rig, list(background), moving_layers(frames))
         self.manager = TrackManager(self.options.track_management, rig.area)
         used = tuple(name for group in self.groups.values() for name in group.names)
-        self.unused_sensors = [name for name in rig.sensors if name not in used]
-        super().__init__(SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None))
+        rules = SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None)
+        super().__init__(rules, frames, self.options.report_in, self.options.track_management.coast_s)
+        self.unused_sensors = [name for name in rig.sensors if name not in {*used, *self.bases}]
         self.roster = Roster.started(KalmanTracks.started(np.empty((0, 2))), 0)
         self.ns, self.has_started = 0, False  # stamp of the last frame, and whether there was one
         self.seen = []
 
     def detections(self) -> list[Detection]:
         """Return the detections of the last frames, trunks first."""
-        return [
+        found = [
             each
             for ns, seen in self.seen
             for role in seen
             for each in self.groups[role].to_detections(seen[role], role, ns)
         ]
+        return self.reported_detections(found)
 
     def tracks(self) -> list[Track]:
         """Return the tracks to report for the last frame, in the order of their starts."""
         roster = self.roster
         shown = self.manager.reported(roster, self.ns).nonzero()[0]
         measured = measured_now(roster, self.ns)[shown].tolist()
-        rows = zip(roster.id[shown].tolist(), roster.state.mean[shown].tolist(), measured, strict=True)
+        mean = roster.state.mean[shown]
+        places, velocities = self.reported(mean[:, ::2], mean[:, 1::2], self.ns)
+        rows = zip(roster.id[shown].tolist(), places.tolist(), velocities.tolist(), measured, strict=True)
         return [
-            Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting")
-            for number, (x, vx, y, vy), is_measured in rows
+            Track(number, *place, *velocity, status="confirmed" if is_measured else "coasting")
+            for number, place, velocity, is_measured in rows
         ]
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:

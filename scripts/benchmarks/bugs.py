@@ -95,6 +95,20 @@ _BY_FILE = {
     "trackers/laser/clusters.py": [
         ("pushed towards the scanner", "pushed_back", "1 + _A / _B", "1 - _A / _B"),
         ("farther taken for nearer", "_hidden", "_A - _B", "_A + _B"),
+        ("narrowest first", "trunks", "-_A", "_A"),
+        (
+            "second leg beside the first",
+            "take_legs",
+            "_A[_B] += _C[_B] * (_D[_B] - _E[_F])",
+            "_A[_B] -= _C[_B] * (_D[_B] - _E[_F])",
+        ),
+        (
+            "hidden people first",
+            "take_legs",
+            "reach ** 2 - away ** 2",
+            "reach ** 2 + away ** 2",
+        ),
+        ("a trunk cut in two is two", "trunks", "_A |= _B < _C", "_A &= _B < _C"),
     ],
     "trackers/laser/bearings.py": [
         ("rotation not transposed", "DetectionModel.__init__", "_A[:2, :2].T", "_A[:2, :2]"),
@@ -114,22 +128,6 @@ _BY_FILE = {
             "(1 / (_A + _B[_C]), 1 / (_A + _D[_E]))",
             "(_A + _B[_C], _A + _D[_E])",
         ),
-    ],
-    "trackers/laser/grouping.py": [
-        ("narrowest first", "trunks", "-_A", "_A"),
-        (
-            "second leg beside the first",
-            "take_legs",
-            "_A[_B] += _C[_B] * (_D[_B] - _E[_F])",
-            "_A[_B] -= _C[_B] * (_D[_B] - _E[_F])",
-        ),
-        (
-            "hidden people first",
-            "take_legs",
-            "reach ** 2 - away ** 2",
-            "reach ** 2 + away ** 2",
-        ),
-        ("a trunk cut in two is two", "trunks", "_A |= _B < _C", "_A &= _B < _C"),
     ],
     "trackers/laser/layer.py": [
         ("completed on the wrong side", "LaserLayer._completed", "_A.astype(_B) - _C", "_C.astype(_B) - _A"),

@@ -24,7 +24,7 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.laser.bearings import returns
-from trackers.laser.grouping import pair_off
+from trackers.laser.clusters import pair_off
 from trackers.observations import NS_PER_S, LaserScan
 from twin import Simulation
 from twin.scenario import Scenario

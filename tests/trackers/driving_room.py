@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable
+
 import numpy as np
 
+from trackers.area import Pose
 from trackers.arrays import Array
-from trackers.frames.scan_matching import compose
-from trackers.observations import NS_PER_S, LaserScan
+from trackers.frames.scan_matching import between, compose, inverse, planar
+from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
+from trackers.rig import LaserSensor, OdometrySensor, Rig, Role
 
 ROOM = np.array([[-4.0, -3.0], [5.0, -3.0], [5.0, 2.5], [1.0, 2.5], [1.0, 4.0], [-4.0, 4.0]])
 BEAMS = 360
+POSTS = [(-1.0, 1.5, 0.05), (2.5, 1.0, 0.1), (0.5, -2.0, 0.03), (3.5, -1.5, 0.2)]
+Person = tuple[float, float, float, float]
+"""Somebody who walks on a straight line: x, y, vx, vy."""
+WALKER = (0.5, 1.2, 0.3, -0.6)
+MOUNT = Pose(xyz=(0.2, 0.1, 0.3), rpy=(0, 0, 0.5))
+"""Of a scanner on its base."""
 
 
 def scan_at(pose, t: float = 0.0, sweep_s: float = 0.0, motion=(0.0, 0.0, 0.0), extra=()) -> LaserScan:
@@ -57,3 +67,53 @@ def legs_at(place, heading: float, t: float) -> list[tuple[float, float, float]]
     left = np.array([-ahead[1], ahead[0]])
     swing = 0.22 * np.sin(2 * np.pi * 0.9 * t)
     return [(*(np.array(place) + side * (0.1 * left + swing * ahead)), 0.06) for side in (-1, 1)]
+
+
+def legs_of(person: Person, t: float) -> list[tuple[float, float, float]]:
+    """The two legs of a person."""
+    x, y, vx, vy = person
+    return legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)
+
+
+def trunk_of(person: Person, t: float) -> list[tuple[float, float, float]]:
+    """The trunk of a person."""
+    x, y, vx, vy = person
+    return [(x + vx * t, y + vy * t, 0.15)]
+
+
+def rig_on_base(mount: Pose = MOUNT, role: Role | None = None) -> Rig:
+    """A scanner on a base with odometry."""
+    scanner = LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=mount, role=role)
+    return Rig(sensors={"base": OdometrySensor(topic="/odom"), "scan": scanner})
+
+
+def pose_in_plane(pose: Array) -> Pose:
+    """A pose (3,) as that of a sensor."""
+    x, y, yaw = (float(each) for each in pose)
+    return Pose(xyz=(x, y, 0), rpy=(0, 0, yaw))
+
+
+def driven(
+    way: tuple[Array, Array],
+    people: Iterable[Person],
+    slip: float = 1.0,
+    lost: Collection[int] = (),
+    start: tuple[float, float, float] = (3.0, -1.0, 1.2),
+    mount: Pose = MOUNT,
+    body: Callable[[Person, float], list[tuple[float, float, float]]] = legs_of,
+) -> tuple[list[Observation], Array]:
+    """Odometry and scans of a scanner on a base that drives a way, and (n, 3) the room in the frame of the odometry.
+
+    slip: of the wheels; lost: numbers of scans that do not come; start: of the base in the frame of its odometry.
+    """
+    path, motions = way
+    bases = compose(path, inverse(planar(mount.matrix)))
+    odometry = compose(np.array(start), between(bases[0], bases) * (slip, slip, 1.0))
+    fed: list[Observation] = []
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        t = 0.1 * k
+        fed.append(Odometry("base", round(t * NS_PER_S), pose_in_plane(odometry[k]).matrix))
+        if k not in lost:
+            met = [each for person in people for each in body(person, t)]
+            fed.append(scan_at(pose, t, 0.05, motion, [*POSTS, *met]))
+    return fed, compose(odometry, inverse(bases))

@@ -19,6 +19,7 @@ import synthetic_meeting
 import synthetic_view
 import two_scanners
 from box_room import box_room_cloud
+from driving_room import WALKER, drive, driven, rig_on_base
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from synthetic_room import PERIOD_S, Walk, empty_room, observe, rig, scan, straight_walk, wandering
@@ -231,6 +232,12 @@ def _waists() -> Recording:
 
 
 @cache
+def _drive() -> Recording:
+    """One person before a scanner on a robot whose wheels slip."""
+    return Recording(rig_on_base(), Prior(), driven(drive(24), [WALKER], slip=1.1)[0])
+
+
+@cache
 def _behind() -> Recording:
     """Three people before one low scanner and a camera that looks down on them; for a while one hides behind another."""
     walk, lasers = _out_of_sight(), rig(waist=False, camera=False)
@@ -389,7 +396,7 @@ def trials(system: str) -> Iterator[Trial]:
     Presets of a system differ in values: an option is idle in one of them where another of its group is switched off.
     """
     if system == "sort":
-        yield Trial(system, _room(False))
+        yield Trial(system, (*_room(False), _drive()))
     if system == "fusion":
         parts, room, home = {"camera", "floor", "head", "identity"}, _room(False), _home(past_each_other=False)
         yield Trial(system, (home,), parts)
@@ -399,7 +406,7 @@ def trials(system: str) -> Iterator[Trial]:
         flickers = _open(((1, 3), (), ()))  # before it is confirmed
         yield Trial(system, (*_room(False)[-3:], flickers), {"track_management"})
     if system == "laser-fisheye-imm":
-        yield Trial("laser-imm", (*_room(False), _waists()))
+        yield Trial("laser-imm", (*_room(False), _waists(), _drive()))
         paper = {group: values for group, values in PAPER.items() if group != "appearance"}  # a camera's
         idle = (  # the paper updates by pairs of legs alone, and here none of them begins beside another
             *("legs.single_leg_variance_m2", "legs.single_leg_s", "legs.shanks_lean", "legs.start_apart_m"),

@@ -77,7 +77,7 @@ class Fusion(SynchronizedTracker):
         if not used:
             raise InputError(
                 f"tracker fusion: all sensors of the rig ({', '.join(rig.sensors)}) are on a moving base; one that stays in the "
-                "room is expected, or laser-legs, which tracks from one that moves"
+                "room is expected, or laser-legs, laser-imm or sort, which track from scanners that move"
             )
         main = rig.main if rig.main in used else None
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})

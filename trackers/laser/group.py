@@ -9,7 +9,7 @@ the gate of another's view of them, may be fused with each other's parts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import compress
@@ -22,8 +22,7 @@ from trackers.errors import InputError
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
-from trackers.laser.clusters import Detections
-from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
+from trackers.laser.clusters import PAIR_M, STRIDE_M, Detections, pair_off, take_legs
 from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
@@ -67,19 +66,31 @@ class Points(Rows):
     width_m: Float[Array, "k"]  # width covered by the beam: the spacing of the beams there
 
 
+MakeLayer = Callable[[str, LaserSensor, LayerOptions], LaserLayer]
+"""Makes the layer of a scanner by its name."""
+
+
 class ScannerGroup:
     """Scanners of one role by name, each with its pose and background; `detect` is called with frames in order.
 
-    empty_room: observations of the room without people; a scanner without any learns its background.
+    empty_room: observations of the room without people; a scanner without any learns its background. moving: makes the layers
+    of scanners on bases that move, by name; None: these are taken to stand.
     """
 
     def __init__(
-        self, scanners: Mapping[str, LaserSensor], empty_room: Sequence[Observation], options: LayerOptions
+        self,
+        scanners: Mapping[str, LaserSensor],
+        empty_room: Sequence[Observation],
+        options: LayerOptions,
+        moving: MakeLayer | None = None,
     ) -> None:
         self._gate_m, self._least = options.fuse_m, options.cluster.min_samples
         self._noise_m2 = 0.0 if options.outlines else MEASUREMENT_VARIANCE_M2
         self.layers: dict[str, LaserLayer] = {}
         for name, sensor in scanners.items():
+            if moving is not None and sensor.mounted_on is not None:
+                self.layers[name] = moving(name, sensor, options)
+                continue
             scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
             self.layers[name] = LaserLayer(sensor, scans, options)
 
@@ -206,7 +217,9 @@ def fused(
     return averaged.joined(second.select(alone))
 
 
-def scanner_groups(rig: Rig, empty_room: Sequence[Observation]) -> dict[Role, ScannerGroup]:
+def scanner_groups(
+    rig: Rig, empty_room: Sequence[Observation], moving: MakeLayer | None = None
+) -> dict[Role, ScannerGroup]:
     """Return the scanners of a rig by role, waist first, with the default options of each layer.
 
     Raises InputError for a rig without a scanner of these roles.
@@ -214,7 +227,7 @@ def scanner_groups(rig: Rig, empty_room: Sequence[Observation]) -> dict[Role, Sc
     lasers = rig.lasers()
     layers: dict[Role, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOptions()}
     return {
-        role: ScannerGroup({name: lasers[name] for name in names}, empty_room, layers[role])
+        role: ScannerGroup({name: lasers[name] for name in names}, empty_room, layers[role], moving)
         for role, names in scanners_by_role(rig, tuple(layers)).items()
     }
 

@@ -22,8 +22,8 @@ from trackers.laser.clusters import (
     find_clusters,
     padded_ranges,
     pushed_back,
+    trunks,
 )
-from trackers.laser.grouping import trunks
 from trackers.laser.legs.classifier import shipped as shipped_legs
 from trackers.laser.legs.features import leg_clusters
 from trackers.laser.outlines import shipped
@@ -219,7 +219,7 @@ class LaserLayer:
     def detect(self, scan: LaserScan) -> Detections:
         """Detect trunks without their arms, or single legs, in front of the room."""
         options, scan = self.options, counter_clockwise(scan)
-        foreground = self._background.foreground(scan)
+        foreground = self._foreground(scan)
         foreground = foreground & ~self._half_on_edge(scan, foreground)
         clusters = find_clusters(scan, foreground, options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
@@ -244,6 +244,14 @@ class LaserLayer:
             scanner=np.ones((len(clusters), 1), np.bool_),
         )
 
+    def _foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
+        """Return a mask of the samples in front of the room."""
+        return self._background.foreground(scan)
+
+    def _as_scanned(self, points: Float[Array, "2 *n"]) -> Float[Array, "2 *n"]:
+        """Return room points [m] in the frame that the detection models take them in."""
+        return points
+
     def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
         """Return the foreground samples, moved back to the axis of their object, [m] in the room frame.
 
@@ -251,7 +259,7 @@ class LaserLayer:
         left out, as a beam half on an edge reports a range between.
         """
         scan, turn = counter_clockwise(scan), beams_of_turn(scan)
-        foreground = self._background.foreground(scan)
+        foreground = self._foreground(scan)
         beams = (foreground & ~self._half_on_edge(scan, foreground))[:turn].nonzero()[0]
         near = returns(scan)[0][beams]
         points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
@@ -289,6 +297,7 @@ class LaserLayer:
 
         Where the background is learned, beams without a return, which the empty room may show as well, tell less.
         """
+        points = self._as_scanned(points)
         seen = self._free_space.seen(scan, points)
         if not self.learns_background:
             return 1 - seen
@@ -315,7 +324,7 @@ class LaserLayer:
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
         """Return a mask of room points behind which the scan's beams continue on either side, close enough to tell."""
         apart = np.hypot(*(points - self.origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(scan.angle_increment_rad)
-        return (self._past_a_thing.seen(scan, points) >= _SURE) & (apart < _NARROW_M)
+        return (self._past_a_thing.seen(scan, self._as_scanned(points)) >= _SURE) & (apart < _NARROW_M)
 
     def _completed(self, clusters: Clusters) -> Float[Array, "k 2"]:
         """Return middles, shifted across the beam if one side of a body is hidden."""

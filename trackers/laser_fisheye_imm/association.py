@@ -19,7 +19,7 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
-from trackers.laser.grouping import pair_off
+from trackers.laser.clusters import pair_off
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.laser_tracks import LaserTracks
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions

@@ -11,6 +11,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.errors import InputError
+from trackers.frames.moving_scanners import frames_of, moving_layers
 from trackers.laser.clusters import Detections
 from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser_fisheye_imm.options import TORSO_HISTOGRAM, LaserFisheyeImmOptions
@@ -46,11 +47,18 @@ class Detector:
         self, rig: Rig, empty_room: Sequence[Observation], options: LaserFisheyeImmOptions, area: Area | None
     ) -> None:
         names, lasers = scanners_by_role(rig, options.layers), rig.lasers()
+        self.frames = frames_of(rig, [name for each in names.values() for name in each])
         self._area = area
         self.histogram = ColourHistogram(TORSO_HISTOGRAM)
-        cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
+        bases = rig.mounted()
+        beside = {bases.get(name) for name in names.get("waist", ())}  # None: in the room
+        cameras = {
+            name: each
+            for name, each in rig.cameras().items()
+            if not isinstance(each, StereoSensor) and bases.get(name) in beside
+        }
         self._camera = self._projector = None
-        if options.camera and "waist" in names and cameras:
+        if options.camera and cameras:
             reported = {each.sensor for each in empty_room}
             self._camera = min(
                 cameras,
@@ -58,14 +66,17 @@ class Detector:
             )
             camera = cameras[self._camera]
             # a torso window needs bearings of the scanner next to the camera
-            names["waist"] = _nearest_first(names["waist"], rig, camera.room_from_sensor.translation)
+            names["waist"] = _nearest_first(names["waist"], rig, self._camera)
             looks = options.appearance
             torso = TorsoOptions(learn_width_m=looks.learn_width_m, max_overlap=looks.max_overlap)
             self._projector = TorsoProjector(lasers[names["waist"][0]], camera, torso)
             self._intrinsics = camera.intrinsics
         self._groups: dict[Role, ScannerGroup] = {
             role: ScannerGroup(
-                {name: lasers[name] for name in names[role]}, empty_room, layer.parameters(options.weak_samples)
+                {name: lasers[name] for name in names[role]},
+                empty_room,
+                layer.parameters(options.weak_samples),
+                moving_layers(self.frames),
             )
             for role, layer in (("waist", options.waist), ("knee", options.knee))
             if role in names
@@ -164,7 +175,8 @@ class Detector:
         return reduce(np.multiply, chances, inside)
 
 
-def _nearest_first(names: tuple[str, ...], rig: Rig, place: Float[Array, "3"]) -> tuple[str, ...]:
-    """Return scanners by distance from a position [m]; ties keep their order."""
-    lasers = rig.lasers()
-    return tuple(sorted(names, key=lambda name: np.linalg.norm(lasers[name].room_from_sensor.translation - place)))
+def _nearest_first(names: tuple[str, ...], rig: Rig, camera: str) -> tuple[str, ...]:
+    """Return scanners by distance from a camera [m], those on the same base first; ties keep their order."""
+    lasers, bases, place = rig.lasers(), rig.mounted(), rig.sensors[camera].room_from_sensor.translation
+    away_m = {name: float(np.linalg.norm(lasers[name].room_from_sensor.translation - place)) for name in names}
+    return tuple(sorted(names, key=lambda name: (bases.get(name) != bases.get(camera), away_m[name])))

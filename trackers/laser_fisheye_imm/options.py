@@ -9,7 +9,8 @@ from pydantic import BaseModel, Field, PositiveInt
 
 from trackers.configuration import Strict, described, leaves_of
 from trackers.filters.motion import AGILE, IMM_MODELS, MODE_STAYS, SINGLE_TURN, VelocityMotion
-from trackers.laser.grouping import STRIDE_M
+from trackers.frames.moving_scanners import ReportIn
+from trackers.laser.clusters import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
 from trackers.laser_fisheye_imm.laser_tracks import PostureOptions
 from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions, TrunkOptions
@@ -112,16 +113,12 @@ class LayerScannerOptions(ScannerOptions):
     hidden_variance_m2: float = Field(
         ge=0, description="measurement variance added for a partly occluded cluster [m²] (ours)"
     )
-    fuse_m: float = Field(
-        ge=0,
-        description="gate within which clusters of two scanners of this role are one body's or one leg's [m]; 0: never (ours)",
-    )
 
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
         """Return the parameters of a layer: these, and its `own`, over the `defaults` of its height."""
-        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
+        base = self.over(defaults)
         cluster = base.cluster.model_copy(update={"min_samples": self.min_samples, "min_width_m": self.min_width_m})
-        return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
+        return base.model_copy(update={"cluster": cluster, "hidden_variance_m2": self.hidden_variance_m2, **own})
 
 
 class WaistScannerOptions(LayerScannerOptions):
@@ -150,7 +147,6 @@ class WaistScannerOptions(LayerScannerOptions):
         gt=0,
         description="width below which a cluster beside a wider one is its arm [m]; null: arms are people (ours)",
     )
-    fuse_m: float = Field(default=0.35, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
     def parameters(self, weak_samples: int | None) -> LayerOptions:
         """Return the layer's parameters."""
@@ -173,7 +169,6 @@ class KneeScannerOptions(LayerScannerOptions):
     hidden_variance_m2: float = Field(
         default=0.02, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
     )
-    fuse_m: float = Field(default=0.2, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
     def parameters(self, weak_samples: int | None) -> LayerOptions:
         """Return the layer's parameters."""
@@ -309,6 +304,7 @@ class LaserFisheyeImmOptions(Strict):
         description="how late frames may leave, so that what is measured meanwhile counts: people are reported from their first "
         "measurement on and between measurements [s]; 0: at once (ours)",
     )
+    report_in: ReportIn = "rig"
     weak_samples: PositiveInt | None = Field(
         default=1,
         description="least samples of a cluster of a scanner that goes on with a track, but alone initiates none, where nothing "

@@ -32,6 +32,7 @@ from trackers.filters.imm import Imm, Motion
 from trackers.filters.motion import AGILE, IMM_MODELS, KALMAN_MODELS, HeadingMotion, VelocityMotion
 from trackers.filters.negative_information import miss_probability, radius_containing
 from trackers.filters.rows import written
+from trackers.frames.moving_scanners import FollowingTracker
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.laser_tracks import LaserTracks
@@ -41,7 +42,7 @@ from trackers.likelihood.legs import full_stride, legs_ahead_m, may_be_new
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.track_manager import clear_of, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 
@@ -50,7 +51,7 @@ logger = logging.getLogger(__name__)
 _ISOTROPIC = np.eye(2)
 
 
-class LaserFisheyeImm(SynchronizedTracker):
+class LaserFisheyeImm(FollowingTracker):
     """Tracker of people from a waist scanner, a knee scanner and a fisheye camera, or a subset (see module).
 
     background: observations of the empty room; a scanner without any learns its background. Options:
@@ -82,7 +83,10 @@ class LaserFisheyeImm(SynchronizedTracker):
                 main=rig.main_sensor if rig.main_sensor in used else None,
                 period_s=self.options.step_s,
                 max_wait_s=self.options.max_wait_s,
-            )
+            ),
+            self._detector.frames,
+            self.options.report_in,
+            self.options.track_management.coast_s,
         )
         self._next_serial = 0
         no_colours = np.empty((0, self._detector.histogram.size))
@@ -99,7 +103,7 @@ class LaserFisheyeImm(SynchronizedTracker):
     @property
     def unused_sensors(self) -> list[str]:
         """Unused sensors of the rig: a scanner of no wanted role, a camera without a waist scanner, a floor."""
-        return [name for name in self._rig.sensors if name not in self._detector.sensors]
+        return [name for name in self._rig.sensors if name not in {*self._detector.sensors, *self.bases}]
 
     @property
     def background_learned_causally(self) -> bool:
@@ -110,16 +114,18 @@ class LaserFisheyeImm(SynchronizedTracker):
     def warnings(self) -> list[str]:
         """Note on smoothed output, if enabled."""
         late_s = self.options.smoothed_s
-        return [f"its frames leave {late_s:g} s late, smoothed by what was measured meanwhile"] if late_s else []
+        late = [f"its frames leave {late_s:g} s late, smoothed by what was measured meanwhile"] if late_s else []
+        return late + super().warnings
 
     def finish(self) -> list[TrackFrame]:
         """Return the remaining frames after the last observation."""
         frames = super().finish()
-        return frames + self._smoother.finish() if self._smoother is not None else frames
+        return frames + self.on_time(self._smoother.finish()) if self._smoother is not None else frames
 
     def detections(self) -> list[Detection]:
         """Return the detections of the frames processed by the last `update` or `finish`, see `trackers.tracks`."""
-        return [each for ns, seen in self._seen for each in self._detector.to_detections(seen, ns)]
+        found = [each for ns, seen in self._seen for each in self._detector.to_detections(seen, ns)]
+        return self.reported_detections(found)
 
     def tracks(self) -> list[Track]:
         """Return the confirmed tracks in the area, of the last frame, by id, without those missed for long."""
@@ -136,7 +142,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         if self._detector.sees_waists:
             constant_m2 += (1 - full_stride(np.hypot(*velocity))) * self.options.trunk.standing_m**2
         radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, constant_m2)
-        columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
+        places, velocities = self.reported(mean[:2].T, velocity.T, self._ns)
+        columns = roster.id[shown], *places.T, *velocities.T, radius_m, measured[shown]
         return [
             Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)
             for number, x, y, vx, vy, radius_m, is_measured in zip(*(each.tolist() for each in columns), strict=True)
@@ -151,7 +158,8 @@ class LaserFisheyeImm(SynchronizedTracker):
             self._work(synced)
             people, roster = self._people, self._people.roster
             seen = measured_now(roster, synced.ns)
-            held = Held(synced.ns, people.serial, seen, people.measured_at, people.variance_m2, by_id(self.tracks()))
+            places, _ = self.reported(people.measured_at, people.measured_at, synced.ns)
+            held = Held(synced.ns, people.serial, seen, places, people.variance_m2, by_id(self.tracks()))
             frames += self._smoother.add(held, roster.id)
         return frames
 

@@ -19,8 +19,7 @@ from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
 from trackers.frames.sensor_frame import SightCounts
-from trackers.laser.clusters import Clusters
-from trackers.laser.grouping import STRIDE_M
+from trackers.laser.clusters import STRIDE_M, Clusters
 
 TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",

@@ -19,21 +19,19 @@ from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import Imm
 from trackers.filters.motion import VelocityMotion
 from trackers.filters.rows import written
+from trackers.frames.moving_scanners import FollowingTracker, sight_legs
 from trackers.frames.rig_frames import RigFrames
 from trackers.frames.sensor_frame import SensorFrame
-from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn
-from trackers.laser.clusters import Clusters, pushed_back
+from trackers.laser.bearings import DetectionModel, DetectionOptions
+from trackers.laser.clusters import PAIR_M, Clusters, pair_off
 from trackers.laser.group import scanners_by_role
-from trackers.laser.grouping import PAIR_M, pair_off
-from trackers.laser.legs.classifier import read_forest, shipped
-from trackers.laser.legs.features import leg_clusters, own_samples
+from trackers.laser.legs.classifier import read_forest
 from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks, assigned, measured_places, shown_by
 from trackers.laser_legs.options import LaserLegsOptions
-from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
+from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import LaserSensor, Rig
-from trackers.tracking.missing_frames import FrameClock
 from trackers.tracking.roster import Roster
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.track_manager import TrackManager
 from trackers.tracks import Detection, Track, TrackFrame
 
@@ -48,13 +46,12 @@ _NEW = -2.4
 """Log-odds of a new track, before its first evidence [nat]: on drives every twelfth is a person's."""
 _NEW_M = 0.14
 """Standard deviation of the place of a new track, on each axis [m]."""
-_WIDEST_M = 0.7
 _OTHER_LEG_M2 = 0.01
 """Variance of a person's place about a single leg [m²]."""
 _REACH_GROWS_TO_M = 1.2
 
 
-class LaserLegs(SynchronizedTracker):
+class LaserLegs(FollowingTracker):
     """Tracker of people by low scanners (see module). Raises InputError for a wrong option, or a rig without a low scanner."""
 
     Options = LaserLegsOptions
@@ -68,15 +65,13 @@ class LaserLegs(SynchronizedTracker):
         self._detection = DetectionModel(
             LaserSensor(topic="/scan"), DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5)
         )
-        self._classifier = shipped()
         self._existence = read_forest(EXISTENCE, "existence", len(TRACK_FEATURES))
         self.manager = TrackManager(self.options.track_management, rig.area)
         self._imm = Imm(VelocityMotion(), measurement_covariance=np.eye(2) * self.options.measurement_m**2)
         opens = self._names if rig.main_sensor in self._names else (*self._names, rig.main_sensor)
-        super().__init__(SyncPolicy(opens, main=rig.main_sensor))
-        self.unused_sensors = [
-            name for name in rig.sensors if name not in self._names and name not in self.scanners.bases
-        ]
+        rules = SyncPolicy(opens, main=rig.main_sensor)
+        super().__init__(rules, self.scanners, self.options.report_in, self.options.track_management.coast_s)
+        self.unused_sensors = [name for name in rig.sensors if name not in {*self._names, *self.bases}]
         none = LegTracks.started(self._imm.start(np.empty((0, 2))), 0, np.zeros(2), _NEW, 0.0)
         self.roster: Roster[LegTracks] = Roster.started(none, 0)
         self.ns = 0
@@ -84,29 +79,12 @@ class LaserLegs(SynchronizedTracker):
         self._scanned_ns: dict[str, int] = {}
         self._frame_ns = self._since_ns = 0  # of the last frame, and of the first of its scans
         self._seen: list[Detection] = []
-        self._clock = FrameClock(self.options.track_management.coast_s)
         self.features = np.empty((0, len(TRACK_FEATURES)))
         """Evidence of the tracks after the last scan."""
 
     def places(self) -> Float[Array, "n 2"]:
         """Return where all tracks are, tentative ones too, in the matched frame [m]."""
         return self._imm.average(self.roster.state.filter)[:2].T
-
-    @property
-    def warnings(self) -> list[str]:
-        """Scanners whose poses could not be found, or that were tilted, and how often."""
-        return self.scanners.warnings
-
-    @property
-    def report_frame(self) -> str | None:
-        """The frame that scan matching finds, or the scanner's, by its name, where tracks leave in that."""
-        match self.options.report_in:
-            case "rig":
-                return None
-            case "sensor":
-                return self.scanners.main
-            case "matched":
-                return "matched"
 
     def detections(self) -> list[Detection]:
         """Return the legs of the frames of the last `update` or `finish`."""
@@ -120,7 +98,7 @@ class LaserLegs(SynchronizedTracker):
         places, velocities = average[:, :2], average[:, 2:]
         reported_in = "matched" if self.options.report_in == "matched" else "rig"
         shown &= self.manager.inside(self.scanners.reported(places, velocities, reported_in, self.ns)[0])
-        places, velocities = self.scanners.reported(places, velocities, self.options.report_in, self.ns)
+        places, velocities = self.reported(places, velocities, self.ns)
         shown[shown] = likeliest(places[shown], state.log_odds[shown], self.options.report_apart_m)
         measured = roster.measured_ns >= self._since_ns
         return [
@@ -135,25 +113,9 @@ class LaserLegs(SynchronizedTracker):
         """Select the confirmed tracks that were measured lately and still exist by their evidence."""
         return self.manager.reported(roster, ns) & (roster.state.log_odds > _nats(self.options.least_existence))
 
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; poses of bases are kept until scans ask for them, and tell where a scan is lost."""
-        if not isinstance(observation, Odometry):
-            return super().update(observation)
-        if not self.scanners.add(observation):
-            return []
-        self._seen = []
-        return [self._stood_in(ns) for ns in self._clock.owed(observation.stamp_ns)]
-
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
-        return [frame for frame in super()._work_all(synced_frames) if self._clock.take(frame.stamp_ns)]
-
-    def _stood_in(self, ns: int) -> TrackFrame:
-        """Return the frame of a lost scan: the tracks predicted to its stamp."""
-        self.ns = self._frame_ns = self._since_ns = ns
-        self._predict(ns)
-        self._keep_lasting(ns)
-        return TrackFrame(ns, tuple(self.tracks()))
+        return super()._work_all(synced_frames)
 
     def _work(self, synced: SyncedFrame) -> None:
         self.ns = self._frame_ns = synced.ns
@@ -185,31 +147,12 @@ class LaserLegs(SynchronizedTracker):
         self._predict(ns)
         elapsed = max(ns - self._scanned_ns.get(scan.sensor, ns), 0) / NS_PER_S
         self._scanned_ns[scan.sensor] = ns
-        clusters = leg_clusters(scan)
-        evidence = self._classifier.evidence(scan, clusters)
-        still = np.ones(scan.ranges_m.size, np.bool_)
-        if len(clusters):
-            beam, _ = own_samples(scan, clusters)
-            still[beam] = np.repeat(evidence <= options.start_evidence, clusters.n_sample)
-        frame = self.scanners.located(scan, still)
-        kept = self._possible(scan, frame, clusters, evidence)
-        legs, evidence = clusters.select(kept), evidence[kept]
-        back = pushed_back(legs.middle, options.half_depth_m)
-        count = scan.ranges_m.size
-        across_seam = count * (legs.last_beam < legs.first_beam)
-        places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
+        sight = sight_legs(scan, self.scanners, options.least_evidence, options.start_evidence, options.half_depth_m)
+        frame, legs, evidence, places = sight.frame, sight.legs, sight.evidence, sight.places
         self._tell(scan.sensor, places[evidence > options.start_evidence])
         n_known, owner = len(self.roster), self._owners(places, evidence)
         self._initiate(scan, frame, places, evidence, owner)
         self._measure(scan, frame, legs, places, evidence, owner, n_known, elapsed)
-
-    def _possible(
-        self, scan: LaserScan, frame: SensorFrame, clusters: Clusters, evidence: Float[Array, "k"]
-    ) -> Bool[Mask, "k"]:
-        """Select the clusters that may be legs, parts of the robot left out."""
-        own = frame.own_parts(scan)[: beams_of_turn(scan)]
-        narrow = clusters.width_m < _WIDEST_M
-        return (evidence > self.options.least_evidence) & narrow & ~own[clusters.first_beam] & ~own[clusters.last_beam]
 
     def _owners(self, places: Float[Array, "k 2"], evidence: Float[Array, "k"]) -> Int[Index, "k"]:
         """Assign the legs to the tracks; return the track of each, −1: none."""
@@ -310,7 +253,7 @@ class LaserLegs(SynchronizedTracker):
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:
         """Keep the legs of a scan as detections, in the frame of the reports."""
-        places, _ = self.scanners.reported(places, np.zeros_like(places), self.options.report_in, self.ns)
+        places, _ = self.reported(places, np.zeros_like(places), self.ns)
         variance = self.options.measurement_m**2
         self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
 

@@ -16,8 +16,7 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances, validation_region
 from trackers.filters.imm import ImmState
-from trackers.laser.clusters import Detections
-from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
+from trackers.laser.clusters import PAIR_M, STRIDE_M, Detections, pair_off, take_legs
 from trackers.tracking.track_manager import clear_of
 
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from trackers.laser.clusters import ClusterOptions, find_clusters, pushed_back
-from trackers.laser.grouping import pair_off, take_legs, trunks
+from trackers.laser.clusters import ClusterOptions, find_clusters, pair_off, pushed_back, take_legs, trunks
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose

@@ -5,7 +5,7 @@ from itertools import zip_longest
 
 import numpy as np
 import pytest
-from driving_room import drive, legs_at, scan_at
+from driving_room import POSTS, WALKER, drive, legs_of, scan_at
 
 from trackers.configuration import leaves_of
 from trackers.errors import InputError
@@ -19,17 +19,10 @@ from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
 from trackers.tracks import report_frame
 
-POSTS = [(-1.0, 1.5, 0.05), (2.5, 1.0, 0.1), (0.5, -2.0, 0.03), (3.5, -1.5, 0.2)]
-
 
 def rig_at(pose) -> Rig:
     x, y, yaw = (float(each) for each in pose)
     return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.3), rpy=(0, 0, yaw)))})
-
-
-def legs_of(person, t):
-    x, y, vx, vy = person
-    return legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)
 
 
 def scanned(path, motions, people):
@@ -50,7 +43,6 @@ def tracked(path, motions, people, **options):
 
 
 STANDING = np.tile([-2.0, -1.0, 0.3], (50, 1)), np.zeros((50, 3))
-WALKER = (0.5, 1.2, 0.3, -0.6)
 
 
 def misses(frames, walker, frame_of=lambda k, place: place, since: int = 15) -> int:
@@ -183,37 +175,6 @@ def test_of_two_clusters_a_person_has_the_one_that_looks_more_like_a_leg():
     np.testing.assert_array_equal(owner, [-1, 0, 0])
 
 
-def with_odometry(path, motions, people, slip: float = 1.0, lost=()):
-    """Frames of a scanner on a base, with odometry twice as often as scans, in a frame that begins somewhere else.
-
-    lost: numbers of scans that do not come.
-    """
-    mount, start = np.array([0.2, 0.1, 0.5]), np.array([3.0, -1.0, 1.2])
-    bases = compose(path, inverse(mount))
-    moved = between(bases[0], bases) * (slip, slip, 1.0)
-    odometry = compose(start, moved)
-    rig = Rig(
-        sensors={
-            "base": OdometrySensor(topic="/odom"),
-            "scan": LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=Pose(xyz=(0.2, 0.1, 0.3), rpy=(0, 0, 0.5))),
-        }
-    )  # fmt: skip
-    fed = []
-    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
-        t = 0.1 * k
-        legs = [leg for person in people for leg in legs_of(person, t)]
-        x, y, yaw = odometry[k]
-        matrix = np.eye(4)
-        matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-        matrix[:2, 3] = x, y
-        fed.append(Odometry("base", round(t * NS_PER_S), matrix))
-        if k not in lost:
-            fed.append(scan_at(pose, t, 0.05, motion, [*POSTS, *legs]))
-    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
-    odometry_from_room = [compose(odometry[k], inverse(bases[k])) for k in range(len(path))]
-    return list(track_frames(tracker, rig, fed)), tracker, odometry_from_room
-
-
 def test_of_two_tracks_in_one_place_the_likelier_one_is_reported():
     places = np.array([[0.0, 0.0], [0.2, 0.0], [3.0, 0.0], [3.4, 0.0], [6.0, 0.0], [6.1, 0.0]])
     assert likeliest(places, np.array([0.5, 2.0, 1.0, 1.5, 1.0, 1.0]), 0.35).tolist() == [
@@ -225,23 +186,6 @@ def test_of_two_tracks_in_one_place_the_likelier_one_is_reported():
         False,
     ]
     assert likeliest(places[:0], np.empty(0), 0.35).tolist() == []
-
-
-@pytest.mark.parametrize("slip", [1.0, 1.1], ids=["true", "slipping"])
-def test_a_scanner_on_a_base_is_reported_in_the_frame_of_its_odometry(slip):
-    frames, tracker, odometry_from_room = with_odometry(*drive(), [WALKER], slip)
-    assert misses(frames, WALKER, lambda k, place: placed(odometry_from_room[k], place)) <= 3
-    assert tracker.unused_sensors == []
-
-
-def test_a_lost_scan_leaves_no_hole_where_odometry_tells_the_time():
-    lost = {20, 27, 28}
-    frames, _, odometry_from_room = with_odometry(*drive(), [WALKER], lost=lost)
-    assert [frame.stamp_ns for frame in frames] == [k * NS_PER_S // 10 for k in range(len(odometry_from_room))]
-    for k in lost:
-        (x, y) = placed(odometry_from_room[k], np.array(legs_of(WALKER, 0.1 * k))[:, :2].mean(axis=0))
-        assert min(np.hypot(track.x - x, track.y - y) for track in frames[k].tracks) < 0.3
-        assert {track.status for track in frames[k].tracks} == {"coasting"}
 
 
 def matrix_of(pose, pitch: float = 0.0) -> np.ndarray:
@@ -291,23 +235,6 @@ def test_people_whom_one_of_two_low_scanners_sees_are_found_whatever_its_stamps(
     frames = [frame for frame in track_frames(tracker, rig, fed) if frame.stamp_ns % (NS_PER_S // 10) == 0]
     assert misses(frames, WALKER) <= 3
     assert {track.status for frame in frames[20:30] for track in frame.tracks} == {"confirmed"}
-
-
-def test_scans_of_a_tilting_mast_are_left_out_and_told():
-    path, motions = drive()
-    rig = Rig(
-        sensors={
-            "mast": OdometrySensor(topic="/odom", room_from_sensor=Pose()),
-            "scan": LaserSensor(topic="/scan", mounted_on="mast", room_from_sensor=Pose(xyz=(0, 0, 0.3))),
-        }
-    )  # fmt: skip
-    fed = []
-    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
-        scan = scan_at(pose, 0.1 * k, 0.05, motion, POSTS)
-        fed += [Odometry("mast", scan.stamp_ns, matrix_of(pose, 0.3 * (20 <= k < 30))), scan]
-    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
-    assert len(list(track_frames(tracker, rig, fed))) == len(path)
-    assert tracker.warnings == ["scan was tilted by more than 10° in 10 scans: they were left out"]
 
 
 def test_every_option_changes_the_tracks():

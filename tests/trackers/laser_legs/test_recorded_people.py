@@ -6,7 +6,7 @@ from recorded_scans import labelled, needs_data, on_furniture, walkers_in_the_ro
 
 from trackers.feeding import track_frames
 from trackers.filters.gating import distances, max_weight_assignment
-from trackers.laser.grouping import pair_off
+from trackers.laser.clusters import pair_off
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig
 

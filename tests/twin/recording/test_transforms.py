@@ -428,17 +428,18 @@ def test_a_driving_scanners_copy_names_frames_tells_drift_and_has_one_channel_of
     told, copy = [], tmp_path / "copy.mcap"
     result = track_recording(
         bag(tmp_path, messages),
-        trackers=["laser-legs", "laser-imm"],
+        trackers=["laser-legs", "laser-imm", "laser-vision-learning-laser"],
         out=tmp_path / "out",
         video=False,
         bag_copy=copy,
         on_warning=told.append,
     )
-    frames = {"laser-legs": "odom", "laser-imm": "base_link (which moves)"}
+    frames = {"laser-legs": "odom", "laser-imm": "odom", "laser-vision-learning-laser": "base_link (which moves)"}
     assert result.frames == frames == json.loads((tmp_path / "out/recording.json").read_text())["frames"]
     page = (tmp_path / "out/report.html").read_text()
     assert "Tracks of laser-legs are in the frame odom" in page
-    assert page.count('class="drive"') == 2 and page.count("<strong>Note:</strong> laser-imm takes scan to stand") == 1
+    assert page.count('class="drive"') == 3
+    assert page.count("<strong>Note:</strong> laser-vision-learning-laser takes scan to stand") == 1
     (drift,) = [each for each in told if "odom moves in map" in each]
     assert "by up to 0.78 m and 0.0°; room is placed in map by the first; `frame: map` of odo" in drift
     with open_bag(copy) as held:
