@@ -64,6 +64,7 @@ class Points(Rows):
 
     place: Float[Array, "k 2"]  # axis of the body or leg met, in the room frame [m]
     width_m: Float[Array, "k"]  # width covered by the beam: the spacing of the beams there
+    alone: Bool[Mask, "k"]  # continued by no neighbouring beam's: half of the beam may have met what is behind
 
 
 MakeLayer = Callable[[str, LaserSensor, LayerOptions], LaserLayer]
@@ -154,14 +155,14 @@ class ScannerGroup:
         Without those that another scanner sees past: a beam half on a leg and half on the wall reports a range between.
         """
         scans = self._scans(observations)
-        found = [Points(np.empty((0, 2)), np.empty(0))]
+        found = [Points(np.empty((0, 2)), np.empty(0), np.empty(0, np.bool_))]
         for name, scan in scans.items():
-            place, width_m = self.layers[name].points(scan)
+            place, width_m, alone = self.layers[name].points(scan)
             kept = np.ones(len(place), np.bool_)
             for other, seen in scans.items():
                 if other != name:
                     kept &= ~self.layers[other].passes(seen, place.T)
-            found.append(Points(place, width_m).select(kept))
+            found.append(Points(place, width_m, alone).select(kept))
         return reduce(Points.joined, found)
 
     def to_detections(self, detections: Detections, role: Role, ns: int) -> list[Detection]:

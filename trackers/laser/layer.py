@@ -220,7 +220,7 @@ class LaserLayer:
         """Detect trunks without their arms, or single legs, in front of the room."""
         options, scan = self.options, counter_clockwise(scan)
         foreground = self._foreground(scan)
-        foreground = foreground & ~self._half_on_edge(scan, foreground)
+        foreground = foreground & ~self._alone(scan, foreground)[1]
         clusters = find_clusters(scan, foreground, options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
         if self._least < options.cluster.min_samples:
@@ -252,30 +252,38 @@ class LaserLayer:
         """Return room points [m] in the frame that the detection models take them in."""
         return points
 
-    def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
+    def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"], Bool[Mask, "k"]]:
         """Return the foreground samples, moved back to the axis of their object, [m] in the room frame.
 
-        And the width covered by each beam [m]: the spacing of the beams at its range. A single sample beside a nearer one is
-        left out, as a beam half on an edge reports a range between.
+        With the width [m] that each beam covers, the spacing of the beams at its range, and a mask of the samples that are alone.
+        Alone, a beam as wide as a leg meets half of it and half of what is behind, and its range lies between. Beside a nearer
+        sample that is the case for certain, and the sample is left out.
         """
         scan, turn = counter_clockwise(scan), beams_of_turn(scan)
         foreground = self._foreground(scan)
-        beams = (foreground & ~self._half_on_edge(scan, foreground))[:turn].nonzero()[0]
+        alone, beside_nearer = self._alone(scan, foreground)
+        beams = (foreground & ~beside_nearer)[:turn].nonzero()[0]
         near = returns(scan)[0][beams]
         points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
-        return self._in_room(points.T), abs(scan.angle_increment_rad) * near
+        return self._in_room(points.T), abs(scan.angle_increment_rad) * near, alone[beams]
 
-    def _half_on_edge(self, scan: LaserScan, foreground: Bool[Mask, "n_beam"]) -> Bool[Mask, "n_beam"]:
-        """Return a mask of the foreground samples alone beside a nearer one: a beam half on an edge reports a range between."""
+    def _alone(
+        self, scan: LaserScan, foreground: Bool[Mask, "n_beam"]
+    ) -> tuple[Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
+        """Return masks of the foreground samples that no neighbour continues, and of those of them beside a nearer one.
+
+        A beam half on an edge reports a range between that of the edge and what is behind.
+        """
         turn, ranges = beams_of_turn(scan), returns(scan)[0]
         beams = foreground[:turn].nonzero()[0]
         padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges)[:turn], turn, 1)
         near = ranges[beams]
         before, after = padded[beams] - near, padded[beams + 2] - near
         jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
-        on_edge = np.zeros(foreground.size, np.bool_)
-        on_edge[beams] = (np.abs(before) > jump_m) & (np.abs(after) > jump_m) & ((before < 0) | (after < 0))
-        return on_edge
+        alone, beside_nearer = np.zeros((2, foreground.size), np.bool_)
+        alone[beams] = (np.abs(before) > jump_m) & (np.abs(after) > jump_m)
+        beside_nearer[beams] = alone[beams] & ((before < 0) | (after < 0))
+        return alone, beside_nearer
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
         """Return the distance from the visible middle of bodies of these widths to their axes.

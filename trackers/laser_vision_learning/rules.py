@@ -39,6 +39,13 @@ LASER_RULES: tuple[PaperRule, ...] = (
         "one time for all, in sight or behind others, and no re-identification over a distance that grows",
         {"track_management": {"coast_hidden_s": 1.0, "reid_speed_m_s": None}},
     ),
+    PaperRule(
+        "two persons in one place",
+        "unstated",
+        "–",
+        "independent trackers: nothing keeps two filters off one person",
+        {"walking": {"apart_m": 0.0}},
+    ),
     PaperRule("particles", "empirical", "–", "500 a person, as ours", {"particles": 500}),
 )
 """Rules of the laser half, also the baseline `laser-vision-learning-paper-laser`."""

@@ -23,7 +23,7 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import Points, ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed
-from trackers.laser_vision_learning.walking_model import STATE_SIZE, WalkerTracks, WalkingModel
+from trackers.laser_vision_learning.walking_model import STATE_SIZE, WalkerTracks, WalkingModel, log_apart
 from trackers.likelihood.laser_points import Shares, log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
@@ -82,7 +82,11 @@ class Walkers:
             clusters = clusters_of(before, self.people.places, points, whose, rules.start_legs)
             seen |= np.isfinite(clusters.middle[:, 0])
             unknown = np.where(clusters.taken, 0.0, unknown)
-        weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
+        likelihood = log_likelihood(points, whose, legs, options.points)
+        if options.walking.apart_m:
+            places = cloud.expectation(cloud.state[:2]).T
+            likelihood += log_apart(cloud.state, places, self.people.roster.confirmed, options.walking.apart_m)
+        weights = cloud.weights.updated(likelihood)
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
         self.people = self._missed(self.people.changed(roster=roster), observations, elapsed_s)
         self.situations = now = assessed(

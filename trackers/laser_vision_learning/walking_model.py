@@ -20,8 +20,9 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
+from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows, written
 from trackers.tracking.roster import NEVER_NS, Roster
@@ -74,6 +75,12 @@ class WalkingOptions(Strict):
     """Standard deviation of a new person's speed [m/s] (ours)."""
     place_start_m: ClassVar[float] = 0.12
     """Standard deviation of a new person's position on each axis [m] (ours)."""
+    apart_m: float = Field(
+        default=0.5,
+        ge=0,
+        description="distance within which two people hardly come of one another, from axis to axis [m]; 0: they may be in one "
+        "place (ours)",
+    )
     slowdown_s: float = Field(
         default=0.7, gt=0, description="time constant at which the speed of who is not seen fades [s] (ours)"
     )
@@ -143,6 +150,30 @@ class WalkingModel:
         np.subtract(state[X], off_x, out=legs[1, 0])
         np.subtract(state[Y], off_y, out=legs[1, 1])
         return legs
+
+
+_SQUEEZED_M = 0.1
+"""Standard deviation of how much nearer than `apart_m` people come [m]."""
+
+
+def log_apart(
+    state: Float[Array, "5 n p"], places: Float[Array, "n 2"], known: Bool[Mask, "n"], apart_m: float
+) -> Float[Array, "n p"]:
+    """Return ln ψ of each particle: bodies take up room, so that two people are not where only one has room.
+
+    ψ = Π exp(−½ max(0, a − d)² / s²) over the other known people, d the distance from where they are expected, as the Markov
+    random field of Khan, Balch and Dellaert (PAMI 27, 2005). places: expected [m]; known: others keep clear of nobody.
+    """
+    log_psi = np.zeros(state.shape[1:])
+    near = (distances(places, places) < _NEAR * apart_m) & known & known[:, None]
+    one, other = np.nonzero(near & ~np.eye(len(places), dtype=np.bool_))
+    away = np.hypot(state[X, one] - places[other, 0, None], state[Y, one] - places[other, 1, None])
+    np.add.at(log_psi, one, -0.5 * (np.maximum(apart_m - away, 0.0) / _SQUEEZED_M) ** 2)
+    return log_psi
+
+
+_NEAR = 2.5
+"""Greatest distance of people whose particles may come near one another, in the distance they keep."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,12 +128,15 @@ def log_likelihood(
 
 
 def unexplained_people(points: Points, unknown: Float[Array, "k"], options: PointOptions) -> tuple[Array, Array]:
-    """Return positions (m, 2) [m] formed by unexplained points of all scanners, and their leg widths of points, (m,)."""
+    """Return positions (m, 2) [m] formed by unexplained points of all scanners, and their leg widths of points, (m,).
+
+    Points that are all `alone` form nobody: none of them tells its range.
+    """
     free = unknown > 0.5
-    place, weight = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0)
+    place, weight, beside = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0), ~points.alone[free]
     if len(place) == 0:
         return place, weight
     points_of = linked(distances(place, place) < options.link_m) == np.arange(len(place))[:, None]
-    points_of = points_of[points_of.sum(axis=1) >= options.new_points].astype(float)
+    points_of = points_of[(points_of.sum(axis=1) >= options.new_points) & (points_of & beside).any(axis=1)].astype(float)
     total = points_of @ weight
     return points_of @ (weight[:, None] * place) / total[:, None], total
