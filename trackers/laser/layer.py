@@ -267,23 +267,17 @@ class LaserLayer:
         points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
         return self._in_room(points.T), abs(scan.angle_increment_rad) * near, alone[beams]
 
-    def _alone(
-        self, scan: LaserScan, foreground: Bool[Mask, "n_beam"]
-    ) -> tuple[Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
-        """Return masks of the foreground samples that no neighbour continues, and of those of them beside a nearer one.
-
-        A beam half on an edge reports a range between that of the edge and what is behind.
-        """
+    def _alone(self, scan: LaserScan, foreground: Bool[Mask, "n_beam"]) -> Bool[Mask, "2 n_beam"]:
+        """Return masks of the foreground samples that no neighbour continues, and of those of them beside a nearer one."""
         turn, ranges = beams_of_turn(scan), returns(scan)[0]
         beams = foreground[:turn].nonzero()[0]
         padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges)[:turn], turn, 1)
-        near = ranges[beams]
-        before, after = padded[beams] - near, padded[beams + 2] - near
-        jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
-        alone, beside_nearer = np.zeros((2, foreground.size), np.bool_)
-        alone[beams] = (np.abs(before) > jump_m) & (np.abs(after) > jump_m)
-        beside_nearer[beams] = alone[beams] & ((before < 0) | (after < 0))
-        return alone, beside_nearer
+        before, after = padded[beams] - ranges[beams], padded[beams + 2] - ranges[beams]
+        jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * ranges[beams]
+        found = np.zeros((2, foreground.size), np.bool_)
+        found[0, beams] = (np.abs(before) > jump_m) & (np.abs(after) > jump_m)
+        found[1, beams] = found[0, beams] & ((before < 0) | (after < 0))
+        return found
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
         """Return the distance from the visible middle of bodies of these widths to their axes.

@@ -85,7 +85,7 @@ class Walkers:
         likelihood = log_likelihood(points, whose, legs, options.points)
         if options.walking.apart_m:
             places = cloud.expectation(cloud.state[:2]).T
-            likelihood += log_apart(cloud.state, places, self.people.roster.confirmed, options.walking.apart_m)
+            likelihood += log_apart(cloud.state, places, self._two_bodies(before), options.walking.apart_m)
         weights = cloud.weights.updated(likelihood)
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
         self.people = self._missed(self.people.changed(roster=roster), observations, elapsed_s)
@@ -172,6 +172,12 @@ class Walkers:
         is_new[new[again]] = False
         people = people.changed(roster=self._manager.confirm(people.roster, is_new))
         self.people = people.select(np.delete(np.arange(len(people)), new[again]))
+
+    def _two_bodies(self, before: Situations) -> Bool[Mask, "n n"]:
+        """Mask of the pairs of tracks that are two people, each of them a target: confirmed, and not merged to one."""
+        sure = self.people.roster.confirmed
+        pairs = sure & sure[:, None] & ~np.eye(sure.size, dtype=np.bool_)
+        return pairs & ~before.merged if self.options.situations.merged == "one" else pairs
 
     @property
     def _merged(self) -> Bool[Mask, "n"]:

@@ -154,26 +154,24 @@ class WalkingModel:
 
 _SQUEEZED_M = 0.1
 """Standard deviation of how much nearer than `apart_m` people come [m]."""
+_NEAR = 2.5
+"""Greatest distance of people whose particles may come near one another, in the distance they keep."""
 
 
 def log_apart(
-    state: Float[Array, "5 n p"], places: Float[Array, "n 2"], known: Bool[Mask, "n"], apart_m: float
+    state: Float[Array, "5 n p"], places: Float[Array, "n 2"], pairs: Bool[Mask, "n n"], apart_m: float
 ) -> Float[Array, "n p"]:
     """Return ln ψ of each particle: bodies take up room, so that two people are not where only one has room.
 
-    ψ = Π exp(−½ max(0, a − d)² / s²) over the other known people, d the distance from where they are expected, as the Markov
-    random field of Khan, Balch and Dellaert (PAMI 27, 2005). places: expected [m]; known: others keep clear of nobody.
+    ψ = Π exp(−½ max(0, a − d)² / s²) over the others that a person makes `pairs` with, d the particle's distance from where
+    the other is expected, a = `apart_m`: the Markov random field of Khan, Balch and Dellaert (PAMI 27, 2005) with the others
+    at their `places` [m].
     """
     log_psi = np.zeros(state.shape[1:])
-    near = (distances(places, places) < _NEAR * apart_m) & known & known[:, None]
-    one, other = np.nonzero(near & ~np.eye(len(places), dtype=np.bool_))
+    one, other = np.nonzero(pairs & (distances(places, places) < _NEAR * apart_m))
     away = np.hypot(state[X, one] - places[other, 0, None], state[Y, one] - places[other, 1, None])
     np.add.at(log_psi, one, -0.5 * (np.maximum(apart_m - away, 0.0) / _SQUEEZED_M) ** 2)
     return log_psi
-
-
-_NEAR = 2.5
-"""Greatest distance of people whose particles may come near one another, in the distance they keep."""
 
 
 @dataclass(frozen=True, eq=False)

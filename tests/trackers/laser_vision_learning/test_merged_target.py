@@ -28,7 +28,8 @@ def merged(n: int) -> Situations:
 def seen_at(*places: tuple[float, float], people: np.ndarray):
     """Points of legs at these places, and their shares among people."""
     middle = np.repeat(np.array(places, float), 8, axis=0)
-    points = Points(middle + 0.05 * np.random.default_rng(0).standard_normal(middle.shape), np.full(len(middle), 0.03))
+    place = middle + 0.05 * np.random.default_rng(0).standard_normal(middle.shape)
+    points = Points(place, np.full(len(place), 0.03), np.zeros(len(place), np.bool_))
     return points, shares(points, np.stack([people.T, people.T]), PointOptions(own_m=0.0))
 
 

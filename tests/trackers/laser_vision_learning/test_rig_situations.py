@@ -35,7 +35,7 @@ class Sequence:
                 places,
                 np.ones(len(places), bool) if sure is None else np.array(sure),
                 np.array([self.unseen_s.get(k, 0.0) for k in range(len(places))]),
-                Points(points, np.full(len(points), 0.03)),
+                Points(points, np.full(len(points), 0.03), np.zeros(len(points), np.bool_)),
                 np.repeat(shown, 6),
                 self.ns,
                 OPTIONS,
@@ -96,7 +96,7 @@ def test_tentative_tracks_and_nobody_take_no_part():
     two = Sequence()
     assert two.frame((0, 0), (0.4, 0), sure=[True, False]) == ["apart"] * 2
     empty = Situations.none(np.zeros(0, np.int64))
-    nothing = Points(np.zeros((0, 2)), np.zeros(0))
+    nothing = Points(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
     none = np.zeros(0)
     found = assessed(empty, empty.serial, np.zeros((0, 2)), none > 0, none, nothing, none.astype(int), 5, OPTIONS)
     assert situation_names(found, none > 0) == []

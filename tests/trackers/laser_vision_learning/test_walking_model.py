@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from trackers.laser_vision_learning.walking_model import WalkingModel, WalkingOptions
+from trackers.laser_vision_learning.walking_model import WalkingModel, WalkingOptions, log_apart
 
 STEADY = WalkingOptions(acceleration_m_s2=1e-9, turn_rad=1e-9, turn_slow_rad=0, turn_about=0, drift_m=0, phase=0)
 
@@ -57,3 +57,20 @@ def test_the_same_generator_moves_them_the_same_way(elapsed_s):
     moved = [model.move(state, elapsed_s, np.zeros(3), np.random.default_rng(3)) for _ in range(2)]
     assert np.array_equal(*moved)
     assert elapsed_s or np.allclose(moved[0][:4], state[:4], atol=1e-6)
+
+
+@given(st.integers(0, 2**31), st.floats(0.1, 1.0))
+def test_a_body_takes_up_room_and_no_more(seed, apart_m):
+    """Particles nearer to another's place are less likely, those that have room all equally; so are those of strangers."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-1, 1, (3, 2))
+    state = np.zeros((5, 3, 40))
+    state[:2] = places.T[..., None] + rng.normal(0, 0.3, (2, 3, 40))
+    pairs = np.zeros((3, 3), bool)
+    pairs[0, 1] = pairs[1, 0] = np.hypot(*(places[0] - places[1])) < 2 * apart_m
+    log_psi = log_apart(state, places, pairs, apart_m)
+    away = np.hypot(*(state[:2, 0] - places[1][:, None]))
+    assert (log_psi <= 0).all() and (log_psi[2] == 0).all() and (log_psi[0, away >= apart_m] == 0).all()
+    if pairs.any():
+        near = np.argsort(-away)
+        assert (np.diff(log_psi[0, near]) <= 1e-12).all() and (log_psi[0, away < apart_m - 1e-9] < 0).all()

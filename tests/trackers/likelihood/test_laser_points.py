@@ -10,9 +10,9 @@ OPTIONS = PointOptions()
 NOWHERE = np.zeros((2, 2, 0))
 
 
-def points(place, width_m=0.03) -> Points:
+def points(place, width_m=0.03, alone=False) -> Points:
     place = np.asarray(place, float).reshape(-1, 2)
-    return Points(place, np.full(len(place), width_m))
+    return Points(place, np.full(len(place), width_m), np.broadcast_to(alone, len(place)))
 
 
 def scalar_log_likelihood(seen: Points, share, weight, legs, options) -> np.ndarray:
@@ -84,6 +84,12 @@ def test_what_nobody_explains_is_somebody_a_group_of_points():
 def test_a_point_alone_is_nobody_as_a_beam_on_an_edge_leaves_one():
     seen = points([(0, 0), (3, 0), (3.2, 0.1)], 0.1)
     places, _ = unexplained_people(seen, np.ones(3), OPTIONS)
+    np.testing.assert_allclose(places, [(3.1, 0.05)])
+
+
+def test_samples_that_are_all_alone_are_nobody_as_beams_half_past_far_legs_leave_them():
+    place = [(0, 0), (0.3, 0), (3, 0), (3.2, 0.1)]
+    places, _ = unexplained_people(points(place, 0.1, [True, True, False, True]), np.ones(4), OPTIONS)
     np.testing.assert_allclose(places, [(3.1, 0.05)])
 
 
