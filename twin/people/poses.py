@@ -46,12 +46,13 @@ class PopulationTruth:
 
 @dataclass(eq=False)
 class _PoseAtTime:
-    """Gait state and posture at one time and at the ticks around it, read-only; the joint coordinates once asked for."""
+    """Gait state and posture at one time and at the ticks around it, read-only; joint coordinates and feet once asked for."""
 
     state: GaitState
     posture: Array
     around: list[tuple[GaitState, Array]]
     coordinates: Array | None = None
+    feet: Feet | None = None
 
 
 class Poses(ABC):
@@ -120,7 +121,12 @@ class Poses(ABC):
 
     def feet(self, t: float) -> Feet:
         """Return all soles and the weight on them at time t [s]."""
-        pose, present = self._at(t), self.present(t)
+        pose = self._at(t)
+        if pose.feet is None:
+            pose.feet = self._feet(pose, self.present(t))
+        return pose.feet
+
+    def _feet(self, pose: _PoseAtTime, present: Mask) -> Feet:
         feet, posture = foot_loads(pose.state, self._skeleton), pose.posture
         on_feet, acceleration = support(posture)
         load = on_the_floor(feet.load, feet.height)

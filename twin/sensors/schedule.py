@@ -217,29 +217,34 @@ class Schedule:
             number += 1
 
 
+ComingStamp = tuple[int, set[str]]
+"""A stamp [ns], and the names of its sensors."""
+
+
 class ComingStamps:
     """Stamps of the observations of a schedule, and the sensors of each, read some time ahead."""
 
-    def __init__(self, looks: Iterator[_Look], ahead_s: float, prepare: Callable[[list[float]], object]) -> None:
-        """looks: as `Schedule.ordered` gives them; prepare: called with the times [s] of all stamps within `ahead_s`, before the
-        first of them is yielded.
-        """
+    def __init__(self, looks: Iterator[_Look], ahead_s: float) -> None:
+        """looks: as `Schedule.ordered` gives them."""
         by_stamp = groupby((event for _, _, event, _ in looks), key=attrgetter("stamp_ns"))
         self._rest = ((stamp_ns, {event.sensor for event in events}) for stamp_ns, events in by_stamp)
-        self._coming: deque[tuple[int, set[str]]] = deque()
+        self._coming: deque[ComingStamp] = deque()
         self._ahead_ns = round(ahead_s * NS_PER_S)
-        self._prepare = prepare
         self._prepared_ns = -1
 
-    def until(self, t: float) -> Iterator[tuple[int, set[str]]]:
-        """Yield the stamps [ns] until time t [s] that were not yielded before, and the names of their sensors."""
+    def until(self, t: float, prepare: Callable[[list[ComingStamp]], object]) -> Iterator[ComingStamp]:
+        """Yield the stamps until time t [s] that were not yielded before.
+
+        prepare: called with all stamps within `ahead_s`, if there are several, before the first of them is yielded.
+        """
         while (coming := self._coming or self._read()) and coming[0][0] <= t * NS_PER_S:
             if coming[0][0] > self._prepared_ns:
-                self._prepare([stamp_ns / NS_PER_S for stamp_ns, _ in coming])
                 self._prepared_ns = coming[-1][0]
+                if len(coming) > 1:
+                    prepare(list(coming))
             yield coming.popleft()
 
-    def _read(self) -> deque[tuple[int, set[str]]]:
+    def _read(self) -> deque[ComingStamp]:
         """Read the next stamps; one alone at the start, so that the first observation need not wait for more."""
         for each in self._rest:
             self._coming.append(each)

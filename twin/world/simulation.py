@@ -37,9 +37,10 @@ from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.odometry import BaseOdometry
 from twin.sensors.render import RendererOnDemand
-from twin.sensors.schedule import ComingStamps, MessageFaults, Schedule, Scheduled, Timing
+from twin.sensors.schedule import ComingStamp, ComingStamps, MessageFaults, Schedule, Scheduled, Timing
 from twin.sensors.sensor import Reading, Sensor, TimedSensor, with_faults
 from twin.streams import stream
+from twin.truth.situations import Pair, PairState
 from twin.truth.truth_types import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view
 from twin.world.scene import foot_shapes
@@ -136,7 +137,8 @@ class Simulation:
         self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
         self._ordered, ahead = tee(self._schedule.ordered())
         in_order = all(timed.instants_s == (0.0,) for timed in self._sensors.values()) and not driven(scenario)
-        self._stamps = ComingStamps(ahead, AHEAD_S if in_order else 0.0, world.prepare)
+        self._stamps = ComingStamps(ahead, AHEAD_S if in_order else 0.0)
+        self._truth_ahead: dict[int, tuple[TruthFrame, dict[Pair, PairState]]] = {}
         self._coming: Generator[Delivered] | None = None
         self._over = ""  # reason why it has ended
 
@@ -151,9 +153,9 @@ class Simulation:
 
     def _scheduled(self, name: str) -> Scheduled:
         """Return a sensor with its schedule, its random stream and the faults of its messages."""
-        seed = self.scenario.seed
-        faults = MessageFaults(name, self.scenario.faults, seed)
-        return Scheduled(self._sensors[name], self._timing[name], stream(seed, "sensor", name), faults)
+        rng = stream(self.scenario.seed, "sensor", name)
+        faults = MessageFaults(name, self.scenario.faults, self.scenario.seed)
+        return Scheduled(self._sensors[name], self._timing[name], rng, faults)
 
     def __enter__(self) -> Self:
         return self
@@ -213,10 +215,9 @@ class Simulation:
     def _deliver(self) -> Generator[Delivered]:
         self._over = stopped = "was stopped by an error"
         for delivery in self._schedule.observe(self, self._ordered):
-            encoded = encode(delivery.reading.observation)
-            read = self.as_read(encoded)
+            reading, encoded = delivery.reading, encode(delivery.reading.observation)
             self._over = ""
-            yield Delivered(encoded, delivery.arrival_ns, delivery.reading, read, delivery.stamp_ns)
+            yield Delivered(encoded, delivery.arrival_ns, reading, self.as_read(encoded), delivery.stamp_ns)
             self._check_going()  # closed meanwhile
             self._over = stopped
         self._tell_truth_until(self.scenario.duration_s)
@@ -288,22 +289,30 @@ class Simulation:
         }
 
     def _tell_truth_until(self, t: float) -> None:
-        for stamp_ns, sensors in self._stamps.until(t):
-            if self._on_truth is not None or self._details is not None:
-                floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
-                views = self.views if self._shares else {}
-                frame = self.world.truth(stamp_ns, views, floors, with_feet=self._feet)
-                if self._on_truth is not None:
-                    self._on_truth(frame)
-                if self._details is not None:
-                    self._details.people(frame, self.world.snapshot(stamp_ns / NS_PER_S))
+        for stamp_ns, sensors in self._stamps.until(t, self._prepare):
+            if not (self._on_truth or self._details):
+                continue
+            frame, correlated = self._truth_ahead.pop(stamp_ns, None) or self._truth_at(stamp_ns, sensors)
+            if self._on_truth is not None:
+                self._on_truth(frame)
+            if self._details is not None:
+                self._details.people(frame, self.world.snapshot(stamp_ns / NS_PER_S), correlated)
+
+    def _prepare(self, coming: list[ComingStamp]) -> None:
+        """Work out the people at the coming stamps, and the truth about them, in a row, which costs less than one by one."""
+        if self.world.prepare([stamp_ns / NS_PER_S for stamp_ns, _ in coming]) and (self._on_truth or self._details):
+            self._truth_ahead = {stamp_ns: self._truth_at(stamp_ns, sensors) for stamp_ns, sensors in coming}
+
+    def _truth_at(self, stamp_ns: int, sensors: Collection[str]) -> tuple[TruthFrame, dict[Pair, PairState]]:
+        """Return the truth of a stamp of some sensors, and its correlated pairs if details are reported."""
+        floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
+        frame = self.world.truth(stamp_ns, self.views if self._shares else {}, floors, with_feet=self._feet)
+        return frame, {} if self._details is None else self._details.correlated(frame)
 
     def _healthy(self, name: str, shapes: Callable[[], FootShapes]) -> Sensor:
-        device = stream(self.scenario.seed, "device", name)
-        base = base_of(self.scenario, name)
-        return build_sensor(
-            name, self._descriptions[name], self._renderer, shapes=shapes, device=device, mounted_on=base
-        )
+        device, base = stream(self.scenario.seed, "device", name), base_of(self.scenario, name)
+        described, renderer = self._descriptions[name], self._renderer
+        return build_sensor(name, described, renderer, shapes=shapes, device=device, mounted_on=base)
 
     def _cameras(self) -> dict[str, PersonImaging]:
         """Return the cameras without their noise, by name."""

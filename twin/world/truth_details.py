@@ -81,8 +81,18 @@ class TruthDetails:
         self._present = np.zeros(0, dtype=np.int16)
         self._places: dict[int, NDArray[np.float64]] = {}  # all positions at the last stamp, (2,) [m] by id
 
-    def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
-        """Set the truth of a stamp and its world."""
+    def correlated(self, frame: TruthFrame) -> dict[Pair, PairState]:
+        """Return the pairs of people whose outlines are near each other at a stamp; no other stamp counts."""
+        snapshot = self._world.snapshot(frame.stamp_ns / NS_PER_S)
+        present = np.array([person.id for person in frame.people], dtype=np.int16)
+        if snapshot.model is not self._outlines.model:
+            self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
+        pairs, gaps = self._outlines.nearer(snapshot.data, present, CORRELATED_M)
+        ids = ordered_pairs(present[pairs[:, 0]], present[pairs[:, 1]])
+        return {pair: PairState(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
+
+    def people(self, frame: TruthFrame, snapshot: Snapshot, correlated: Mapping[Pair, PairState]) -> None:
+        """Set the truth of a stamp, its world, and its `correlated` pairs."""
         self._merge_for_the_rig()
         if snapshot.bases:
             self._tell(BasesFrame(frame.stamp_ns, tuple(_base(name, pose) for name, pose in snapshot.bases.items())))
@@ -92,11 +102,6 @@ class TruthDetails:
         self._places = dict(zip(self._present.tolist(), place_m, strict=True))
         self._near = pairs_within(self._present, place_m, INTERACTION_M)
         interacting = {pair: PairState(least_m=distance) for pair, distance in self._near.items()}
-        if snapshot.model is not self._outlines.model:
-            self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
-        pairs, gaps = self._outlines.nearer(snapshot.data, self._present, CORRELATED_M)
-        ids = ordered_pairs(self._present[pairs[:, 0]], self._present[pairs[:, 1]])
-        correlated = {pair: PairState(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
         self._tell_all(self._situations.update("interaction", "", frame.stamp_ns, interacting))
         self._tell_all(self._situations.update("correlated", "", frame.stamp_ns, correlated))
 

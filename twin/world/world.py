@@ -130,6 +130,7 @@ class World:
         """Cached poses for rays, for worlds with scanners only; unused where bases drive, which it does not hold."""
         self._feet: Feet | None = None
         self._bases: dict[str, Array] = {}
+        self._ahead = frozenset[float]()
         self._met: dict[tuple[str, int], NDArray[np.int16]] = {}
 
     @property
@@ -164,10 +165,16 @@ class World:
                 cache.store(t, self.data)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet, self._bases)
 
-    def prepare(self, times: Sequence[float]) -> None:
-        """Step the people to the last of the times [s] at which snapshots are taken next, in this order."""
-        if len(times) > 1 and self.pose_cache is None:
-            self.people.prepare(times)
+    def prepare(self, times: Sequence[float]) -> bool:
+        """Step the people to the last of the times [s] at which snapshots are taken next, in this order.
+
+        Return whether the truth of all may be worked out before: no others have bodies then.
+        """
+        if self.pose_cache is not None:
+            return False
+        self.people.prepare(times)
+        self._ahead, self._met = frozenset(times), {}
+        return self._pool.covers(times[0]) and self._pool.covers(times[-1])
 
     def empty_snapshot(self, t: float) -> Snapshot:
         """Pose the empty room at time t: the people are moved far below the floor.
@@ -241,7 +248,8 @@ class World:
         inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
         there = pose.present
         shares = {name: np.zeros(len(there)) for name in views}
-        self._met = {}
+        if t not in self._ahead:
+            self._met = {}
         for name, view in views.items():
             met = np.full(points.shape[:2], -1, dtype=np.int16)
             shares[name][there], met[there] = visible_share(
@@ -261,7 +269,8 @@ class World:
         return TruthFrame(stamp_ns, tuple(people))
 
     def met(self, sensor: str, stamp_ns: int) -> NDArray[np.int16] | None:
-        """Return whom rays from a sensor to each person's points meet (n_people, n_point), if that was the last truth's stamp.
+        """Return whom rays from a sensor to each person's points meet (n_people, n_point), if its truth was asked for last, or
+        since the last `prepare`.
 
         Ids as of `first_hits`, people ordered by name; None for another stamp, and where the truth is without shares.
         """

@@ -52,6 +52,24 @@ def test_same_seed_same_bits_other_seed_other_bits() -> None:
     assert not same(first, other)
 
 
+@pytest.mark.parametrize("name", ["lab-five-people", "home-three-people"])
+def test_what_is_worked_out_ahead_is_told_as_if_one_stamp_came_after_the_other(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    described = load_scenario(name, ["duration_s=2.4", "background=none", "faults={}"])
+
+    def told() -> list[object]:
+        what: list[object] = []
+        with Simulation(described, images=False, on_truth=what.append, on_detail=what.append) as simulation:
+            for delivered in simulation.deliveries():
+                what.append((delivered.arrival_ns, bytes(delivered.encoded.data)))
+        return what
+
+    ahead = told()
+    monkeypatch.setattr("twin.world.simulation.AHEAD_S", 0.0)
+    assert told() == ahead
+
+
 def test_images_too_are_the_same_for_the_same_seed() -> None:
     first, _ = simulate(scenario("duration_s=0.2"), images=True)
     second, _ = simulate(scenario("duration_s=0.2"), images=True)
