@@ -152,6 +152,8 @@ def true_poses(truth: TruthFrame | None) -> TruePoses | None:
     )
 
 
+IN_A_ROW = 100
+"""Number of observations, and of truths, that are read, tracked and written in a row: cheaper than by turns."""
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 """Limits of a video's declared rate; each image is shown at its own stamp anyway."""
 

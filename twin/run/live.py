@@ -27,7 +27,7 @@ from twin.recording.truth_tables import BASES_FILE, DETAIL_FILES, detail_writer,
 from twin.recording.writer import BagWriter
 from twin.report.birdseye import Site
 from twin.report.page import RunFacts
-from twin.run.feed import Feed, open_feed
+from twin.run.feed import IN_A_ROW, Feed, open_feed
 from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, check_choices, choose, listed
 from twin.run.out_folder import OutFolder, out_folder, taken_back_on_failure
 from twin.run.outcome import (
@@ -55,8 +55,6 @@ from twin.world.simulation import Delivered, Simulation
 from twin.world.world import PrecomputedScene, heap_trimmed
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
-_MOST_HELD = 100
-"""Greatest number of observations and truths that are held, to be tracked and then written in a row."""
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
 
 TruthKept = Literal["all", "positions"]
@@ -165,7 +163,7 @@ class _LiveRun:
     def record(self) -> None:
         """Simulate to the end, write the bag and the truth, feed the trackers; note losses and warnings."""
         start = time.perf_counter()
-        most = 1 if self._simulation.rig.cameras() else _MOST_HELD  # pictures are large
+        most = 1 if self._simulation.rig.cameras() else IN_A_ROW  # pictures are large
         for delivered in self._simulation.deliveries():
             self._held.append(delivered)
             if len(self._held) >= most:

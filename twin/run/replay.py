@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +32,7 @@ from twin.recording.truth_tables import ABOUT, TRUTH_FILES, read_own_truth, trut
 from twin.report.birdseye import Polygon, Site
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
-from twin.run.feed import Feed, open_feed
+from twin.run.feed import IN_A_ROW, Feed, open_feed
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, listed, scenario_of
 from twin.run.out_folder import OutFolder, out_folder, taken_back_on_failure
 from twin.run.outcome import (
@@ -196,7 +196,8 @@ class _Replay:
             self.on_warning(warning)
         waiting = deque(self._truth_frames)
         start = time.perf_counter()
-        for observation in _counted(bag.observations(), bag.observation_count, self.on_progress):
+        in_a_row = 1 if bag.rig.cameras() else IN_A_ROW  # pictures are large
+        for observation in _counted(bag.observations(), bag.observation_count, in_a_row, self.on_progress):
             if isinstance(observation, LaserScan) and scans is not None:
                 scans.add(observation)
             if isinstance(observation, Odometry) and scans is not None:
@@ -324,10 +325,13 @@ def _rate_hz(bag: Recording) -> float:
     return float(NS_PER_S / np.median(gaps_ns)) if gaps_ns else 10.0
 
 
-def _counted(observations: Iterable[Observation], total: int, on_progress: OnProgress) -> Iterator[Observation]:
-    for number, observation in enumerate(observations, start=1):
-        yield observation
-        on_progress("tracking", number, total)
+def _counted(bag: Iterable[Observation], total: int, in_a_row: int, on_progress: OnProgress) -> Iterator[Observation]:
+    """Yield the observations of a bag and count them; so many are read `in_a_row`."""
+    counted = enumerate(bag, start=1)
+    while held := list(islice(counted, in_a_row)):
+        for number, observation in held:
+            yield observation
+            on_progress("tracking", number, total)
 
 
 def _command(
@@ -339,12 +343,7 @@ def _command(
     seed: int,
 ) -> str:
     """Return the command that tracks the recording again."""
-    parts = ["twin", "track", str(recording)]
-    for name in names:
-        parts += ["--tracker", name]
-    for option, path in (("--rig", rig_path), ("--truth", truth_path)):
-        parts += [] if path is None else [option, str(path)]
-    for change in changes:
-        parts += ["--set", change]
-    parts += ["--seed", str(seed)]
-    return shlex.join(parts)
+    trackers, settings = [("--tracker", name) for name in names], [("--set", change) for change in changes]
+    options = (*trackers, ("--rig", rig_path), ("--truth", truth_path), *settings, ("--seed", seed))
+    given = [(option, str(value)) for option, value in options if value is not None]
+    return shlex.join(["twin", "track", str(recording), *chain.from_iterable(given)])

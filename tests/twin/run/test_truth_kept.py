@@ -48,7 +48,7 @@ def test_nothing_else_of_the_truth_is_left(folders: dict[str, Path]):
 def test_a_recording_is_the_same_however_much_is_held_before_it_is_tracked(
     folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int
 ):
-    monkeypatch.setattr("twin.run.live._MOST_HELD", held)
+    monkeypatch.setattr("twin.run.live.IN_A_ROW", held)
     scenario = load_scenario("lab-five-people", ["duration_s=1", "background=none"])
     run_scenario(scenario, trackers=["sort"], out=tmp_path / "out", video=False, images=False)
     for name in ("recording.mcap", "truth.csv", "truth_rays.csv", "truth_situations.csv", "tracks/sort.csv"):
