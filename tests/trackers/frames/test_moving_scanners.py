@@ -10,7 +10,7 @@ from driving_room import MOUNT, WALKER, drive, driven, legs_of, rig_on_base, tru
 from trackers.area import Pose
 from trackers.check import check_tracker
 from trackers.feeding import track_frames
-from trackers.frames.scan_matching import placed
+from trackers.frames.scan_matching import compose, inverse, placed, planar
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Rig
@@ -85,6 +85,21 @@ def test_tracks_and_detections_leave_in_the_frame_of_odometry_or_in_that_which_s
     assert errors(frames, frame_from_room).max() < ONE_LEG_M
     assert np.median(off) < ONE_LEG_M
     assert report_frame(made) == (None if report_in == "rig" else "matched")
+
+
+@pytest.mark.parametrize("tracker", FOLLOWING)
+def test_a_scanner_in_the_room_and_one_on_a_base_tell_of_one_person(tracker):
+    base = planar(MOUNT.matrix)
+    fed, odometry_from_room = driven(drive(30), [WALKER], start=compose(START, inverse(base)))
+    np.testing.assert_allclose(odometry_from_room, 0, atol=1e-9)
+    there = LaserSensor(topic="/there", room_from_sensor=Pose(xyz=(4.0, 2.0, 0.3), rpy=(0, 0, np.pi)))
+    on = rig_on_base()
+    on = on.model_copy(update={"sensors": {**on.sensors, "there": there}})
+    still = np.tile([4.0, 2.0, np.pi], (30, 1)), np.zeros((30, 3))
+    fed += [replace(each, sensor="there") for each in driven(still, [WALKER])[0] if each.sensor == "scan"]
+    frames, made = tracked(tracker, on, sorted(fed, key=lambda each: (each.stamp_ns, each.sensor)))
+    assert errors(frames).max() < ONE_LEG_M and made.unused_sensors == []
+    assert {len(frame.tracks) for frame in frames[15:]} == {1}
 
 
 @pytest.mark.parametrize("tracker", FOLLOWING)
