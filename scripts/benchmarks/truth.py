@@ -32,7 +32,7 @@ def _shares(name: str, scenario: Scenario) -> Iterator[Figure]:
         seen = stack.enter_context(timed(twin.world.world, "visible_share"))
         boxed = stack.enter_context(timed(TruthDetails, "_boxes"))
         looked = stack.enter_context(timed(TruthDetails, "look"))
-        outlined = stack.enter_context(timed(TruthDetails, "people"))
+        outlined, gathered = (stack.enter_context(timed(TruthDetails, name)) for name in ("correlated", "people"))
         simulation = stack.enter_context(Simulation(scenario, on_truth=ignore, on_detail=ignore))
         simulation.look(0)  # renderers, tables and outlines are made when first needed
         start = time.perf_counter()
@@ -41,5 +41,5 @@ def _shares(name: str, scenario: Scenario) -> Iterator[Figure]:
         total = time.perf_counter() - start
     yield Figure(f"{name}: boxes, share of the run", 1e2 * boxed.seconds / total, "%", "<= 20")
     yield Figure(f"{name}: visible fractions, share of the run", 1e2 * seen.seconds / total, "%", "<= 20")
-    rest = looked.seconds - boxed.seconds + outlined.seconds
+    rest = looked.seconds - boxed.seconds + outlined.seconds + gathered.seconds
     yield Figure(f"{name}: rays and situations, share of the run", 1e2 * rest / total, "%", "<= 10")
