@@ -64,7 +64,7 @@ class BodyOutlines:
         if not len(pairs):
             return pairs, np.zeros(0)
         near, among = _members(pairs, len(ids))
-        gap = _gaps(self._points(data, places[near]), among)
+        gap = _gaps(self._corners(data, places[near]), among)
         return pairs[gap < limit_m], gap[gap < limit_m]
 
     def _circles_gap(self, data: mujoco.MjData) -> Array:
@@ -88,20 +88,24 @@ class BodyOutlines:
         spread = (half * np.abs(along)).sum(axis=1)
         return np.maximum.reduceat(np.concatenate([spread + middle, spread - middle], axis=1), first, axis=0)
 
-    def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
-        """Return points (n, 2, width) [m], seen from above, on the bodies with these indices (n,)."""
-        geom, local = self._kept
-        geom, (x, y, z) = geom.take(places, axis=0), local.take(places, axis=1)
-        turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
-        seen = np.empty((len(geom), 2, geom.shape[1]))
-        for row in (0, 1):
-            of_x, of_y, of_z = (each.take(geom) for each in turn[3 * row : 3 * row + 3])
-            seen[:, row] = middle[row].take(geom) + (of_x * x + of_z * z + of_y * y)
-        return seen
+    def _corners(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
+        """Return the outermost points, seen from above, of people with these indices (n,), by coarse direction,
+        (n, 2, _COARSE) [m].
+        """
+        # x, y of the axes and of the middle of each geom (8, n_geom)
+        pose = np.concatenate([data.geom_xmat[:, [0, 3, 1, 4, 2, 5]], data.geom_xpos[:, :2]], axis=1).T.copy()
+        corners = np.empty((len(places), 2, _COARSE))
+        for number, place in enumerate(places.tolist()):  # one by one, within the processor's cache
+            geom, (x, y, z) = self._kept[place]
+            of_x, of_y, of_z, middle = pose.take(geom, axis=1).reshape(4, 2, -1)
+            own = middle + (of_x * x + of_z * z + of_y * y)
+            along = _HALF_TURN @ own  # how far each point lies in each direction
+            corners[number] = own.take(np.concatenate([along.argmax(axis=1), along.argmin(axis=1)]), axis=1)
+        return corners
 
     @cached_property
-    def _kept(self) -> tuple[NDArray[np.intp], Array]:
-        """For each person the geom (n, width) and position in its frame (3, n, width) of points; short lists are repeated."""
+    def _kept(self) -> list[tuple[NDArray[np.intp], Array]]:
+        """For each person the geom (k,) and position in its frame (3, k) of points."""
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
         directions = _sphere(_DIRECTIONS)
@@ -115,13 +119,8 @@ class BodyOutlines:
                 outermost = points[np.unique((points @ directions.T).argmax(axis=0))]
                 places.append((outermost - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
                 owners.append(np.full(len(outermost), geom))
-            rows.append((np.concatenate(owners), np.concatenate(places)))
-        width = max(len(owners) for owners, _ in rows)
-        repeated = [np.arange(width) % len(owners) for owners, _ in rows]
-        return (
-            np.array([owners[again] for (owners, _), again in zip(rows, repeated, strict=True)], dtype=np.intp),
-            np.stack([places[again].T for (_, places), again in zip(rows, repeated, strict=True)], axis=1),
-        )
+            rows.append((np.concatenate(owners), np.concatenate(places).T.copy()))
+        return rows
 
 
 def _members(pairs: NDArray[np.intp], count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -131,16 +130,12 @@ def _members(pairs: NDArray[np.intp], count: int) -> tuple[NDArray[np.intp], NDA
     return present.nonzero()[0], (present.cumsum() - 1)[pairs]
 
 
-def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
-    """Return the distance (m,) [m] between convex hulls of points (n, 2, k) for pairs (m, 2); 0 for an overlap.
+def _gaps(corners: Array, pairs: NDArray[np.intp]) -> Array:
+    """Return the distance (m,) [m] between convex hulls of corners (n, 2, _COARSE) for pairs (m, 2); 0 for an overlap.
 
     It is the width of the widest separating strip over all directions. For disjoint hulls the width has one maximum, so a
     coarse search finds where to refine.
     """
-    corners = np.empty((len(points), 2, _COARSE))
-    for number, own in enumerate(points):  # one by one, within the processor's cache
-        along = _HALF_TURN @ own  # how far each point lies in each direction
-        corners[number] = own[:, np.concatenate([along.argmax(axis=1), along.argmin(axis=1)])]
     width = _strips((corners * _COARSE_DIRECTIONS.T).sum(axis=1), pairs)
     best = width.argmax(axis=1)
     gap = width.max(axis=1)
