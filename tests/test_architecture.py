@@ -81,7 +81,8 @@ def test_a_command_loads_only_what_it_needs() -> None:
     ends = "\ntry: main()\nexcept SystemExit: pass\n"
     listing = "sys.argv[1:] = ['list']" + ends
     running = (
-        "sys.argv[1:] = ['list', 'rooms']" + ends + "import twin.run.live, twin.world.simulation, twin.sensors.laser"
+        "sys.argv[1:] = ['list', 'rooms']" + ends + "import twin.run.live, twin.world.simulation, twin.sensors.laser\n"
+        "import trackers.sort, trackers.laser_fisheye_imm.tracker"
     )
     for code, heavy in (
         (listing, ("numpy", "scipy", "mujoco", "cv2", "matplotlib", "rosbags", "jinja2", "rich")),

@@ -20,14 +20,17 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field, PositiveInt
-from scipy.spatial import cKDTree
 
 from trackers.area import wrap_angle
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 HERE = np.zeros(3)
 """The pose that changes nothing."""
@@ -257,6 +260,8 @@ class ScanMatcher:
             self._kept.clear()  # lost: what was matched so far is of no use from here on
         self._kept.append((pose, placed(pose, points), turned(pose[2], normal)))
         self._lines = np.concatenate([np.column_stack(each[1:]) for each in self._kept])
+        from scipy.spatial import cKDTree  # slow to load, and trackers of scanners that stand have no use for it
+
         self._tree = cKDTree(self._lines[:, :2], balanced_tree=False, compact_nodes=False)
 
 

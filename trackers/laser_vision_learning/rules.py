@@ -127,7 +127,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "unstated",
         "V.B, figure 9",
         "the first picture that shows the targets apart again decides. By one, two and three pictures 0.69, 0.70 and 0.65 of "
-        "identities are right after merges (`library-hall-groups`, seeds 1000–1005)",
+        "identities are right after merges (`library-hall-groups`, seeds 1000–1005, when its merges took half a second)",
         {"identities": {"pictures": 1}},
     ),
     PaperRule(
@@ -135,7 +135,8 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "empirical",
         "IV.B",
         "M 100, K 99: where a frame replaces many trees, few are left that know others than its people. Accuracy in "
-        "groups is 0.82 with M 30, K 29 and 0.87 with M 100, K 99 (`library-hall-groups`, seeds 1000–1005). 40 patches of 0.2 m, "
+        "groups is 0.82 with M 30, K 29 and 0.87 with M 100, K 99 (`library-hall-groups`, seeds 1000–1005, when its merges took "
+        "half a second). 40 patches of 0.2 m, "
         "chosen on seed 1003 from 20 to 80 of 0.12 to 0.3 m (the table of choices of `twin reproduce laser-vision-learning`)",
         {"looks": {"boosting": {"trees": 100, "kept": 99}, "patch_count": 40, "patch_m": 0.2}},
     ),
