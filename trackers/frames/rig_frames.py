@@ -151,6 +151,7 @@ class RigFrames:
         self._mounts = {name: planar(pose.matrix) for name, pose in poses.items()}
         self._axes = {name: pose.rotation[:, 2] for name, pose in poses.items()}
         self._base_of = {name: base for name, base in rig.mounted().items() if name in poses}
+        self._at_waists = [name for name in self._base_of if rig.lasers()[name].layer == "waist"]
         self.bases = {
             base: (planar(rig.odometry()[base].room_from_sensor.matrix), OdometryTrack())
             for base in self._base_of.values()
@@ -193,7 +194,7 @@ class RigFrames:
 
     @property
     def warnings(self) -> list[str]:
-        """Scanners that were tilted, or whose poses could not be found, and how often."""
+        """Scanners that were tilted, or whose poses could not be found, and how often; those that do not see who stands."""
         tilted = [
             f"{name} was tilted by more than {np.degrees(_STEEPEST_RAD):.0f}° in {count} scans: they were left out"
             for name, count in self._n_tilted.items()
@@ -206,7 +207,12 @@ class RigFrames:
             if (said := track.rarity())
             and any(self._is_untrusted(name) for name, on in self._base_of.items() if on == base)
         ]
-        return tilted + rare + [
+        blind = [
+            f"{name} is at waist height on a base that moves: people who have stood there since it came in sight are not "
+            "detected before they walk; a scanner below 0.7 m detects them"
+            for name in self._at_waists
+        ]
+        return blind + tilted + rare + [
             f"the pose of {name} could not be trusted in {frame.n_untrusted} of {frame.n_scan} scans: it was taken to stand, or "
             "to be where odometry says"
             for name, frame in self.of.items()

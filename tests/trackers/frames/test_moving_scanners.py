@@ -127,7 +127,7 @@ def test_a_scan_that_comes_after_its_frame_was_given_measures_and_is_not_reporte
 @pytest.mark.parametrize("tracker", ["sort", "laser-imm"])
 @pytest.mark.parametrize("role", ["knee", "waist"])
 def test_a_scanner_upside_down_on_its_base_sees_people_where_they_are(tracker, role):
-    """At the waist whatever has come to its place."""
+    """At the waist whatever has come to its place, which is said."""
     hung = replace_roll(MOUNT, np.pi)
     body = trunk_of if role == "waist" else legs_of
     upright, odometry_from_room = driven(drive(), [WALKER], body=body)
@@ -137,7 +137,8 @@ def test_a_scanner_upside_down_on_its_base_sees_people_where_they_are(tracker, r
         else each
         for each in upright
     ]
-    frames, _ = tracked(tracker, rig_on_base(role=role), upright)
+    frames, made = tracked(tracker, rig_on_base(role=role), upright)
+    assert [("waist height" in each) for each in made.warnings] == [True] * (role == "waist")
     again, _ = tracked(tracker, rig_on_base(hung, role=role), flipped)
     assert errors(frames, odometry_from_room, since=20).max() < ONE_LEG_M
     np.testing.assert_allclose(
