@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from trackers.area import wrap_angle
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.frames.rig_frames import ReportFrame, RigFrames
 from trackers.frames.scan_matching import MatchingOptions
@@ -159,9 +160,10 @@ class MovingLayer(LaserLayer):
         if self._scan is None:
             return np.full_like(points, np.nan)
         points = points @ self._room_from_scan
-        bearing = np.arctan2(points[:, 1], points[:, 0])
-        beam = (bearing - self._scan.angle_min_rad) % (2 * np.pi) / self._scan.angle_increment_rad
-        return self._frame.placed(self._scan, points, beam)
+        middle = 0.5 * (self._scan.ranges_m.size - 1)
+        ahead = self._scan.angle_min_rad + middle * self._scan.angle_increment_rad
+        bearing = wrap_angle(np.arctan2(points[:, 1], points[:, 0]) - ahead)
+        return self._frame.placed(self._scan, points, bearing / self._scan.angle_increment_rad + middle)
 
     def _as_scanned(self, points: Float[Array, "2 *n"]) -> Float[Array, "2 *n"]:
         return self._frame.seen_from(points.reshape(2, -1).T).T.reshape(points.shape)
@@ -236,10 +238,10 @@ class FollowingTracker(SynchronizedTracker):
         if not isinstance(observation, Odometry):
             return self._processed(self._synchronizer.add(observation))
         if self.frames is None or not self.frames.add(observation):
-            return []
+            return self.on_time(self._work_all([]))
         stamps = self._clock.owed(observation.stamp_ns)
         self._stood_in_ns = stamps[-1] if stamps else self._stood_in_ns
-        return self._work_all([SyncedFrame(ns) for ns in stamps])
+        return self.on_time(self._work_all([SyncedFrame(ns) for ns in stamps]))
 
     def finish(self) -> list[TrackFrame]:
         """Return the remaining frames after the last observation."""
@@ -252,8 +254,10 @@ class FollowingTracker(SynchronizedTracker):
         return [each for each in frames if each.stamp_ns not in late]
 
     def _processed(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
-        for each in synced_frames:
+        worked = list(synced_frames)
+        for k, each in enumerate(synced_frames):
             if not self._clock.take(each.ns):
-                each.ns = self._stood_in_ns = max(each.ns, self._stood_in_ns + 1)
-                self._late_ns.add(each.ns)
-        return self.on_time(self._work_all(synced_frames))
+                self._stood_in_ns = max(each.ns, self._stood_in_ns + 1)
+                self._late_ns.add(self._stood_in_ns)
+                worked[k] = replace(each, ns=self._stood_in_ns)
+        return self.on_time(self._work_all(worked))

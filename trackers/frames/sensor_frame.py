@@ -138,7 +138,8 @@ class SensorFrame:
         self._matcher = ScanMatcher(start, options)
         self._memory, self._empty = ScanMemory(), ScanMemory()
         self._own_range, self._driven = np.empty(0), np.empty((0, 2))
-        self._odometry: Array | None = None
+        self._odometry: Array | None = None  # at the last scan
+        self._has_had_odometry = False
         self.rig_from_fixed = HERE
         """The fixed frame in that of the rig, which drifts and jumps with odometry."""
         self.pose = self._start
@@ -169,6 +170,7 @@ class SensorFrame:
         if odometry is not None and self._odometry is not None and follows:
             moved = between(self._odometry, odometry)
         self._odometry = odometry
+        self._has_had_odometry |= odometry is not None
         before = self.pose
         match = self._matcher.match(scan.t, points, self._times_s(scan, beams), still[beams], moved, sweeping)
         self.n_scan += 1
@@ -183,7 +185,7 @@ class SensorFrame:
         self.pose = self._match.pose
         if odometry is not None:
             self.rig_from_fixed = compose(odometry, inverse(self.pose))
-        elif self.has_moved:
+        elif self.has_moved and not self._has_had_odometry:  # in a gap of odometry its frame stays where it was
             self.rig_from_fixed = compose(self._start, inverse(self.pose))
         self._watch_own_parts(ranges, hit, between(before, self.pose))
         self._remember(self._memory, scan.t, scan)

@@ -94,11 +94,10 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
-    whole_truth = truth == "all"
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         with taken_back_on_failure(out_), ExitStack() as stack:
             run = _LiveRun(
-                scenario, chosen, is_default, video, images, whole_truth, out_, on_progress, on_warning, on_note
+                scenario, chosen, is_default, video, images, truth == "all", out_, on_progress, on_warning, on_note
             )
             run.open(stack, precomputed)
             run.record()
@@ -134,8 +133,8 @@ class _LiveRun:
             Simulation(
                 self.scenario,
                 images=self.images,
-                on_truth=self._held.append,
-                on_detail=self._held.append if self.whole_truth else None,
+                on_truth=self._hold,
+                on_detail=self._hold if self.whole_truth else None,
                 precomputed=precomputed,
                 shares=self.whole_truth,
                 feet=self.whole_truth,
@@ -163,11 +162,9 @@ class _LiveRun:
     def record(self) -> None:
         """Simulate to the end, write the bag and the truth, feed the trackers; note losses and warnings."""
         start = time.perf_counter()
-        most = 1 if self._simulation.rig.cameras() else IN_A_ROW  # pictures are large
+        self._most_held = 1 if self._simulation.rig.cameras() else IN_A_ROW  # pictures are large
         for delivered in self._simulation.deliveries():
-            self._held.append(delivered)
-            if len(self._held) >= most:
-                self._release()
+            self._hold(delivered)
         self._release()
         self._feed.on_frame = self._write_frame
         self._feed.finish()
@@ -181,6 +178,11 @@ class _LiveRun:
         self._spent_s = time.perf_counter() - start
         for note in self._simulation.drawing_notes():
             self.on_note(note)
+
+    def _hold(self, each: TruthFrame | TruthDetail | Delivered) -> None:
+        self._held.append(each)
+        if len(self._held) >= self._most_held:
+            self._release()
 
     def _release(self) -> None:
         """Track what is held, then write it and the tracks in this order: either is cheaper many times in a row."""

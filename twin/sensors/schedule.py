@@ -229,6 +229,7 @@ class ComingStamps:
         by_stamp = groupby((event for _, _, event, _ in looks), key=attrgetter("stamp_ns"))
         self._rest = ((stamp_ns, {event.sensor for event in events}) for stamp_ns, events in by_stamp)
         self._coming: deque[ComingStamp] = deque()
+        self._beyond: ComingStamp | None = None  # read, but too far ahead of those coming
         self._ahead_ns = round(ahead_s * NS_PER_S)
         self._prepared_ns = -1
 
@@ -246,8 +247,12 @@ class ComingStamps:
 
     def _read(self) -> deque[ComingStamp]:
         """Read the next stamps; one alone at the start, so that the first observation need not wait for more."""
-        for each in self._rest:
+        while each := self._beyond or next(self._rest, None):
+            self._beyond = None
+            if self._coming and each[0] - self._coming[0][0] > self._ahead_ns:
+                self._beyond = each
+                break
             self._coming.append(each)
-            if self._prepared_ns < 0 or each[0] - self._coming[0][0] >= self._ahead_ns:
+            if self._prepared_ns < 0:
                 break
         return self._coming

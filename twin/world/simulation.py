@@ -74,7 +74,7 @@ class Simulation:
 
     `precomputed`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
     again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees, without
-    `feet` nothing of feet. `drawn`: the world is drawn by others than its cameras, so that people need faces and prints.
+    `feet` nothing of feet. `drawn`: others than its cameras draw the world: people need faces, and do what is shown.
 
     `warnings`: what can be, but is hardly meant, one sentence each.
 
@@ -130,14 +130,14 @@ class Simulation:
             and (view := sensor_view(sensor, self._descriptions[name])) is not None
         }
         self.warnings = self._warnings()
-        self._floors = {
-            name: timed.ideal.cells_of_feet for name, timed in self._sensors.items() if isinstance(timed.ideal, Floor)
-        }
+        floors = {name: each.ideal for name, each in self._sensors.items() if isinstance(each.ideal, Floor)}
+        self._floors = {name: each.cells_of_feet for name, each in floors.items()}
+        self._is_asked = on_truth is not None or on_detail is not None
         self._details = self._truth_details(on_detail) if on_detail is not None else None
         self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
         self._ordered, ahead = tee(self._schedule.ordered())
-        in_order = all(timed.instants_s == (0.0,) for timed in self._sensors.values()) and not driven(scenario)
-        self._stamps = ComingStamps(ahead, AHEAD_S if in_order else 0.0)
+        by_turns = drawn or driven(scenario) or any(each.instants_s != (0.0,) for each in self._sensors.values())
+        self._stamps = ComingStamps(ahead, 0.0 if by_turns else AHEAD_S)
         self._truth_ahead: dict[int, tuple[TruthFrame, dict[Pair, PairState]]] = {}
         self._coming: Generator[Delivered] | None = None
         self._over = ""  # reason why it has ended
@@ -290,7 +290,7 @@ class Simulation:
 
     def _tell_truth_until(self, t: float) -> None:
         for stamp_ns, sensors in self._stamps.until(t, self._prepare):
-            if not (self._on_truth or self._details):
+            if not self._is_asked:
                 continue
             frame, correlated = self._truth_ahead.pop(stamp_ns, None) or self._truth_at(stamp_ns, sensors)
             if self._on_truth is not None:
@@ -300,7 +300,7 @@ class Simulation:
 
     def _prepare(self, coming: list[ComingStamp]) -> None:
         """Work out the people at the coming stamps, and the truth about them, in a row, which costs less than one by one."""
-        if self.world.prepare([stamp_ns / NS_PER_S for stamp_ns, _ in coming]) and (self._on_truth or self._details):
+        if self.world.prepare([stamp_ns / NS_PER_S for stamp_ns, _ in coming]) and self._is_asked:
             self._truth_ahead = {stamp_ns: self._truth_at(stamp_ns, sensors) for stamp_ns, sensors in coming}
 
     def _truth_at(self, stamp_ns: int, sensors: Collection[str]) -> tuple[TruthFrame, dict[Pair, PairState]]:

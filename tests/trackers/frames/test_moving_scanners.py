@@ -124,6 +124,25 @@ def test_a_scan_that_comes_after_its_frame_was_given_measures_and_is_not_reporte
     assert errors(frames, odometry_from_room).max() < 0.3
 
 
+@pytest.mark.parametrize("tracker", FOLLOWING)
+def test_scans_that_come_late_together_are_all_taken(tracker):
+    fed, _ = driven(drive(), [WALKER])
+    late = [each for each in fed if each.sensor == "scan" and 2.0 <= each.t < 2.45]
+    rest = [each for each in fed if each not in late]
+    k = next(k for k, each in enumerate(rest) if each.sensor == "base" and each.t >= 2.5)
+    frames, made = tracked(tracker, rig_on_base(), [*rest[: k + 1], *late, *rest[k + 1 :]])
+    stamps = [each.stamp_ns for each in frames]
+    assert len(late) == 5 and stamps == sorted(set(stamps)) and len(stamps) == 50 and not made.losses
+
+
+@pytest.mark.parametrize("tracker", FOLLOWING)
+def test_a_gap_of_odometry_leaves_people_where_they_are_in_its_frame(tracker):
+    fed, odometry_from_room = driven(drive(), [WALKER])
+    fed = [each for each in fed if each.sensor == "scan" or not 2.0 < each.t < 3.4]
+    frames, _ = tracked(tracker, rig_on_base(), fed)
+    assert errors(frames, odometry_from_room).max() < 2 * ONE_LEG_M
+
+
 @pytest.mark.parametrize("tracker", ["sort", "laser-imm"])
 @pytest.mark.parametrize("role", ["knee", "waist"])
 def test_a_scanner_upside_down_on_its_base_sees_people_where_they_are(tracker, role):

@@ -75,6 +75,13 @@ def test_stamps_are_exact_and_the_end_is_left_out():
     assert events[3] == SensorEvent("s0", 300_000_000, 300_000_000, dropped=False)
 
 
+@pytest.mark.parametrize("rate_hz", [0.2, 0.7, 3.0, 10.0])
+def test_no_stamp_is_prepared_farther_ahead_than_asked_however_rare_stamps_are(rate_hz):
+    plan, batches = schedule({"rate_hz": rate_hz}, duration_s=20.0), []
+    list(ComingStamps(plan.ordered(), 1.0).until(20.0, batches.append))
+    assert max((batch[-1][0] - batch[0][0] for batch in batches), default=0) <= 1_000_000_000
+
+
 @given(ahead_s=st.sampled_from([0.0, 0.5, 1.0]), asked_s=st.lists(st.floats(0, 4), max_size=5).map(sorted))
 def test_stamps_are_told_in_time_and_prepared_before_they_are_due(ahead_s, asked_s):
     plan, prepared = schedule({"rate_hz": 10}, {"rate_hz": 7, "phase_s": 0.05}, duration_s=3.0), []
