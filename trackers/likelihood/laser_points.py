@@ -132,17 +132,12 @@ def unexplained_people(points: Points, unknown: Float[Array, "k"], options: Poin
 
     Points that are all `alone` form nobody: none of them tells its range.
     """
-    free = unknown > 0.5
-    place, weight, beside = (
-        points.place[free],
-        np.minimum(points.width_m[free] / options.leg_m, 1.0),
-        ~points.alone[free],
-    )
+    free = points.select(unknown > 0.5)
+    place, weight = free.place, np.minimum(free.width_m / options.leg_m, 1.0)
     if len(place) == 0:
         return place, weight
     points_of = linked(distances(place, place) < options.link_m) == np.arange(len(place))[:, None]
-    points_of = points_of[(points_of.sum(axis=1) >= options.new_points) & (points_of & beside).any(axis=1)].astype(
-        float
-    )
+    is_person = (points_of.sum(axis=1) >= options.new_points) & (points_of & ~free.alone).any(axis=1)
+    points_of = points_of[is_person].astype(float)
     total = points_of @ weight
     return points_of @ (weight[:, None] * place) / total[:, None], total
