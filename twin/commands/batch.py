@@ -275,7 +275,8 @@ def reproduce(
         int | None,
         whole_number(
             "--runs",
-            f"Runs of figure 7 (default 100) or of one recording (30), as in the papers. ({_names_with('--runs')})",
+            "Runs of figure 7 (default 100) or of one recording (30), as in the papers; of fusion: subsets of the sensors (13). "
+            f"({_names_with('--runs')})",
         ),
     ] = None,
     suite: Annotated[
