@@ -295,10 +295,10 @@ _BY_FILE = {
         ),
     ],
     "trackers/vision/foreground.py": [
-        ("hue does not wrap", "_Background.differs", "_A - _B", "_A"),
+        ("hue does not wrap", "_Background.differences", "_A - _B", "_A"),
         (
             "degrees for OpenCV's half degrees",
-            "_Background.differs",
+            "Differences.changed",
             "_HUE_CHANGE_DEG / 2",
             "_HUE_CHANGE_DEG",
         ),

@@ -308,9 +308,11 @@ class FisheyeIntrinsics(Intrinsics):
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
-        square = theta * theta
-        k1, k2, k3, k4 = self.k
-        radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        radius = theta
+        if any(self.k):
+            square = theta * theta
+            k1, k2, k3, k4 = self.k
+            radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
         scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
         pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
         return pixels, np.asarray((theta <= self.field_of_view_rad / 2) & self.contains(pixels))

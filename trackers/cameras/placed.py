@@ -240,12 +240,14 @@ class CameraGroup:
 
         See `PlacedCamera.project`.
         """
-        at = self._matrix[:, :, :3] @ points_m + self._matrix[:, :, 3:]
-        ahead = at[:, 2] > 0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = at[:, :2] / np.where(ahead, at[:, 2], np.nan)[:, None]
-        inside = (pixels >= -0.5) & (pixels < self._edge)
-        seen = inside[:, 0] & inside[:, 1]
+        c, k = len(self.cameras), points_m.shape[-1]
+        pixels, seen = np.empty((c, 2, k)), np.empty((c, k), np.bool_)
+        if len(self._bent) < c:
+            at = self._matrix[:, :, :3] @ points_m + self._matrix[:, :, 3:]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                np.divide(at[:, :2], np.where(at[:, 2] > 0, at[:, 2], np.nan)[:, None], out=pixels)
+            inside = (pixels >= -0.5) & (pixels < self._edge)
+            np.logical_and(inside[:, 0], inside[:, 1], out=seen)
         for number in self._bent:
             own = points_m if points_m.ndim == 2 else points_m[number]
             found, seen[number] = self.cameras[number].project(own.T)

@@ -19,6 +19,7 @@ small matrices.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,6 +51,13 @@ class ImmState:
     def positions(self) -> Float[Array, "n m 2"]:
         """Position of each track in each mode [m]."""
         return self.mean[:2].T
+
+    @cached_property
+    def mean_over_modes(self) -> Float[Array, "s n"]:
+        """Mean of each track over its modes, where no component is an angle (`Imm.average`); read-only."""
+        mean = (self.mean * self.probability).sum(axis=1)
+        mean.flags.writeable = False  # kept with the state
+        return mean
 
     def select(self, index: Selection) -> ImmState:
         """Return the tracks at `index`."""

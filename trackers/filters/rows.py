@@ -77,3 +77,10 @@ def written(array: Shaped[AnyArray, "n *each"], index: Selection, values: Any) -
     copy = array.copy()
     copy[index] = values
     return copy
+
+
+def marked(n: int, index: Selection) -> Bool[Mask, "{n}"]:
+    """Return a mask of n targets with those at `index`."""
+    mask = np.zeros(n, np.bool_)
+    mask[index] = True
+    return mask

@@ -43,6 +43,8 @@ class Agreement:
         self._asked, self._shown = np.zeros(n), np.zeros(n)
         self._sigma_m = np.zeros(n)
         self._ns: int | None = None
+        self.suspect: Bool[Mask, "s"] = np.zeros(n, np.bool_)
+        """The sources that contradict most of the others, as of the last `found`."""
         self.findings: dict[int, str] = {}
         """Sentences on the sources that have contradicted the others, each as of when it first did."""
 
@@ -91,7 +93,8 @@ class Agreement:
     @property
     def offsets_m(self) -> Float[Array, "s"]:
         """Offset of each source from most of the others [m]; 0 where fewer than two others tell."""
-        mean = np.hypot(*np.moveaxis(self._off_m / np.maximum(self._n, 1.0)[..., None], -1, 0))
+        off_m = self._off_m / np.maximum(self._n, 1.0)[..., None]
+        mean = np.hypot(off_m[..., 0], off_m[..., 1])
         return self._median(mean - np.maximum(self._sigma_m[:, None], self._sigma_m), self._n >= _FEWEST)
 
     @property
@@ -102,19 +105,15 @@ class Agreement:
         error_s = _SURE * np.maximum(self._sigma_m[:, None], self._sigma_m) / np.sqrt(square)
         return self._median(np.abs(self._along / square) - error_s, known)
 
-    @property
-    def suspect(self) -> Bool[Mask, "s"]:
-        """The sources that contradict most of the others."""
-        hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
-        return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
-
     def of_suspect(self, look: Look, number: int) -> Look:
         """Return what a suspect source shows: tracks roughly, but neither initiations nor deletions."""
         off_m2 = max(self.offsets_m[number], _SUSPECT_M) ** 2
         return replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
 
     def found(self) -> list[str]:
-        """Keep what of the suspect sources contradicts the others, and return what was not known before."""
+        """Judge the sources; return what of the suspect ones contradicts the others, and was not known before."""
+        hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
+        self.suspect = (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
         new = {k: self._sentence(k) for k in np.flatnonzero(self.suspect).tolist() if k not in self.findings}
         self.findings |= new
         return list(new.values())
@@ -131,8 +130,8 @@ class Agreement:
     @staticmethod
     def _median(values: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
         """Return the lower median over the others of each source; 0 where fewer than two are known."""
-        found = np.zeros(len(values))
-        for k in np.flatnonzero(known.sum(axis=1) >= 2):
-            others = np.sort(values[k, known[k]])
-            found[k] = others[(others.size - 1) // 2]
-        return found
+        count = np.count_nonzero(known, axis=1)
+        if count.max(initial=0) < 2:
+            return np.zeros(len(values))
+        ordered = np.sort(np.where(known, values, np.inf), axis=1)  # the known ones first
+        return np.where(count < 2, 0.0, ordered[np.arange(len(values)), (count - 1) // 2])

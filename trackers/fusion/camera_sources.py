@@ -19,7 +19,6 @@ from trackers.fusion.shown_places import Camera, hidden
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.track_manager import clear_of
-from trackers.vision.foreground import Foreground
 from trackers.vision.person_detector import ROOMS, SILHOUETTES, PersonDetector, PersonModel
 from trackers.vision.stereo_picture import head_of, heads_in_plan
 
@@ -47,6 +46,7 @@ class CameraSource:
     def __init__(self, camera: Camera, kind: KindOptions, by_posture: Shares, *, beyond: bool) -> None:
         self.names, self.camera = (camera.name,), camera
         self._kind, self._by_posture, self._beyond = kind, by_posture, beyond
+        self._visible = np.empty(0, np.bool_)  # of the people expected at the last look
 
     @property
     def learns_background(self) -> bool:
@@ -68,6 +68,7 @@ class CameraSource:
         ns: int,
     ) -> Look:
         """Return the look at measurements [m, m²]; starts: those that may be of people who are not known."""
+        self._visible = self._in_plain_sight(expected.place, expected.crowns)
         return Look(
             self.names,
             self._kind,
@@ -76,20 +77,25 @@ class CameraSource:
             starts.astype(np.intp),
             owner,
             lambda points: self._missed(points, expected),
+            known=self._missed_at(expected.place, self._visible),
             by_posture=self._by_posture,
             observes=observes,
             shown=detections_of(ns, self.names, "person", position, covariance),
         )
 
-    def learn_shown(self, crowns: Float[Array, "n 3"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
-        """Learn where people are shown whom other sensors measure below their crowns [m]; asked: how much each tells."""
-        place = crowns[:, :2]
-        self.camera.shown.learn(place, asked * self._in_plain_sight(place, crowns), shown)
+    def learn_shown(self, place: Float[Array, "n 2"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Learn where people are shown whom other sensors measure at places [m], those expected at the last look.
+
+        asked: how much each tells.
+        """
+        self.camera.shown.learn(place, asked * self._visible, shown)
 
     def _missed(self, points: Float[Array, "2 *n"], expected: Expected) -> Float[Array, "*n"]:
         at = points.reshape(2, -1).T
-        visible = self._in_plain_sight(at, expected.crowns)
-        return (1 - visible * self._kind.p_detect * self.camera.shown.share(at)).reshape(points.shape[1:])
+        return self._missed_at(at, self._in_plain_sight(at, expected.crowns)).reshape(points.shape[1:])
+
+    def _missed_at(self, place: Float[Array, "k 2"], visible: Bool[Mask, "k"]) -> Float[Array, "k"]:
+        return 1 - visible * self._kind.p_detect * self.camera.shown.share(place)
 
     def _in_plain_sight(self, place: Float[Array, "k 2"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         """Mark places [m] of people that neither the room, as far as it is known, nor another one below the crowns [m] hides."""
@@ -102,8 +108,6 @@ class Silhouettes(CameraSource):
 
     def __init__(self, camera: Camera, options: FusionOptions, area: ArrayLike | None) -> None:
         super().__init__(camera, options.camera, SILHOUETTE_SHOWN, beyond=True)
-        sensor, empty_room = camera.sensor, camera.front_end.empty_room
-        self._foreground = Foreground(sensor.intrinsics, empty_room, SILHOUETTES)
         self._detector = PersonDetector(camera.camera, area, model=PersonModel.load(ROOMS))
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
@@ -113,14 +117,14 @@ class Silhouettes(CameraSource):
             return None
         prepared = self.camera.prepare(image)
         if prepared is None:
-            self._foreground.pass_over(self.camera.front_end.normalize_exposure(image))
             return None
-        seen = self._detector.detect(self._foreground.mask(prepared.image, prepared.hsv))
+        seen = self._detector.detect(prepared.differences.changed(SILHOUETTES))
         there = self.within_reach(seen.position)
         position, covariance = seen.position[there], seen.covariance[there]
         covariance = covariance + self._error(position)
         position, covariance = self._by_depths(position, covariance)
-        starts = clear_of(position, expected.place, _OWN_M) & self._is_apart(position, expected)
+        starts = clear_of(position, expected.place, _OWN_M)
+        starts[starts] = self._is_apart(position[starts], expected)
         return self.looked(position, covariance, starts, np.full(len(position), -1), OUTLINE, expected, ns)
 
     def _in_plain_sight(self, place: Float[Array, "k 2"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:

@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
 from trackers.filters.gating import distances
@@ -31,12 +32,15 @@ from trackers.vision.head_colours import HeadColours, HeadModel
 from trackers.vision.head_outlines import ASPECTS
 
 _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
+_TOWARDS = np.exp(1j * _DIRECTIONS)
 _SAME_M = 0.18
 """Distance within which two heads are one [m]."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
 _ALONG_M = 1.0
 """Standard deviation, along the sight, of a head that one camera without distances shows: how large it is is not known [m]."""
+_LEAST_C = 1e-10 * np.eye(3)
+"""Added to covariances, so that rounding leaves them positive definite [m²]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
 _LEAST_GAIN = 0.1
@@ -80,12 +84,12 @@ class Heads(Rows):
     @property
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Mean direction [rad] and its resultant length, 0 where it is not known."""
-        resultant = self.facing @ np.exp(1j * _DIRECTIONS)
+        resultant = self.facing @ _TOWARDS
         return np.angle(resultant), np.abs(resultant)
 
     def turned(self, dt: float, velocity: Float[Array, "n 2"]) -> Self:
         """Return the directions `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face."""
-        spread = np.fft.rfft(_turned(_TURNS_RAD2_S * dt))
+        spread = _turned(_TURNS_RAD2_S * dt)
         facing = np.maximum(np.fft.irfft(np.fft.rfft(self.facing, axis=1) * spread, ASPECTS[0], axis=1), 1e-12)
         speed = np.hypot(*velocity.T)
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
@@ -130,13 +134,13 @@ class HeadWeighing:
             return heads, row, mean, C
         showing, left, before = outlined[:, row], share[row].copy(), (mean, C)
         others = np.flatnonzero(in_view.any(axis=0))
-        some = heads.select(row)
-        tables = some.colours.expected(self._model.common).tables
+        free_of, some = FreePlaces.of(row, others, expected, covariance), heads.select(row)
+        tables, direction = some.colours.expected(self._model.common).tables, some.direction[0]
         for number in range(_PASSES):
-            root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
+            root = np.linalg.cholesky(C + _LEAST_C)
             places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
-            free = log_free(places, row, others, expected, covariance)
-            log, sees = self._weighed(places, free, some.direction[0], tables, views)
+            free = free_of.log(places)
+            log, sees = self._weighed(places, free, direction, tables, views)
             if number == 0:
                 showing = showing & sees
             log = (log * showing[..., None]).sum(axis=0) + free
@@ -146,7 +150,7 @@ class HeadWeighing:
             off = weight @ self._z
             second = np.einsum("kp,pa,pb->kab", weight, self._z, self._z) - off[:, :, None] * off[:, None, :]
             mean, C = mean + np.einsum("kab,kb->ka", root, off), root @ second @ root.transpose(0, 2, 1)
-            C[:, [0, 1, 2], [0, 1, 2]] += _LEAST_SIGMA_M**2 / 4
+            C += _LEAST_SIGMA_M**2 / 4 * np.eye(3)
             if (left < 1e-6).all():
                 break
         here = showing.any(axis=0)
@@ -204,37 +208,47 @@ class HeadWeighing:
             return heads
         by, common, seen = self._heads(views), self._model.common, heads.select(row)
         at = np.repeat(np.concatenate([place.T, seen.direction[0][None]])[:, None], len(views), axis=1)
-        log = by.facing([each.picture for each in views], at, tables)
+        look = by.close_look([each.picture for each in views], at)
+        log = by.facing(look, tables)
         facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
         sure = seen.direction[1] > _SURE
-        found = []
-        for view, of in zip(views, in_view, strict=True):
-            learns = np.flatnonzero(sure & of)
-            person, step, colour = self._heads([view]).colours_on([view.picture], at[:, :1, learns])
-            found.append([learns[person], step, colour])
-        person, step, colour = np.concatenate(found, axis=1)
+        person, step, colour = by.colours_on(look, sure & in_view)
         seen = seen.changed(colours=seen.colours.learned(person, step, colour, common))
         return heads.replaced(row, seen)
 
 
-def log_free(
-    places: Float[Array, "k p 3"],
-    row: Int[Index, "k"],
-    others: Int[Index, "o"],
-    expected: Float[Array, "n 3"],
-    covariance: Float[Array, "n 3 3"],
-) -> Float[Array, "k p"]:
-    """Return ln of the probability that the head of none of the others is where one is sought: a place is one person's.
+@dataclass(frozen=True, eq=False)
+class FreePlaces:
+    """Places that the heads of o others are not expected at, for k whose places are sought: a place is one person's.
 
     As an interaction of targets of a Markov random field (Khan, Balch and Dellaert 2005), with what is expected of the others.
     """
-    P = covariance[others, :2, :2] + (_SAME_M / 2) ** 2 * np.eye(2)
-    off = places[:, :, None, :2] - expected[others, :2]
-    square = np.einsum("kpoa,oab,kpob->kpo", off, np.linalg.inv(P), off)
-    taken = (_SAME_M / 2) ** 2 / np.sqrt(np.linalg.det(P)) * np.exp(-0.5 * square)
-    taken = np.where(others == row[:, None, None], 0.0, taken)
-    return np.log1p(-np.minimum(taken, 1 - _LEAST_FREE)).sum(axis=2)
+
+    place: Float[Array, "o 2"]  # [m]
+    inverse: Float[Array, "o 2 2"]  # of the covariances, widened by the size of a head [1/m²]
+    peak: Float[Array, "o"]  # probability that a head is at the middle
+    own: Bool[Mask, "k 1 o"]
+
+    @classmethod
+    def of(
+        cls,
+        row: Int[Index, "k"],
+        others: Int[Index, "o"],
+        expected: Float[Array, "n 3"],
+        covariance: Float[Array, "n 3 3"],
+    ) -> Self:
+        """Take the others, among n heads expected at places [m] with covariances [m²]; row: those sought."""
+        P = covariance[others, :2, :2] + (_SAME_M / 2) ** 2 * np.eye(2)
+        peak = (_SAME_M / 2) ** 2 / np.sqrt(np.linalg.det(P))
+        return cls(expected[others, :2], np.asarray(np.linalg.inv(P), np.float64), peak, others == row[:, None, None])
+
+    def log(self, places: Float[Array, "k p 3"]) -> Float[Array, "k p"]:
+        """Return ln of the probability that the head of none of the others is where one is sought."""
+        off = places[:, :, None, :2] - self.place
+        square = np.einsum("kpoa,oab,kpob->kpo", off, self.inverse, off)
+        taken = np.where(self.own, 0.0, self.peak * np.exp(-0.5 * square))
+        return np.log1p(-np.minimum(taken, 1 - _LEAST_FREE)).sum(axis=2)
 
 
 def _tempered(log: Float[Array, "k p"]) -> Float[Array, "k"]:
@@ -299,8 +313,9 @@ def unit_points(count: int) -> Float[Array, "p 3"]:
     return z
 
 
-def _turned(variance: float) -> Float[Array, "directions"]:
-    """Return the density of a turn of this variance [rad²] over the steps of a whole turn, from 0 on."""
+@lru_cache(maxsize=16)
+def _turned(variance: float) -> NDArray[np.complex128]:
+    """Return the Fourier coefficients of the density of a turn of this variance [rad²] over the steps of a whole turn."""
     angle = np.minimum(_DIRECTIONS - _DIRECTIONS[0], 2 * np.pi - (_DIRECTIONS - _DIRECTIONS[0]))
     density = np.exp(-0.5 * angle**2 / max(variance, 1e-5))
-    return density / density.sum()
+    return np.fft.rfft(density / density.sum())

@@ -11,11 +11,11 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances, max_weight_assignment
-from trackers.filters.rows import written
+from trackers.filters.rows import marked, written
 from trackers.fusion.options import ColourIdentityOptions
 from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
-from trackers.vision.histogram import chi_squared_distance
+from trackers.vision.histogram import chi_squared, chi_squared_distance
 
 _HIDDEN_S = 0.2
 """A track that has not been measured for longer may be the one that comes up elsewhere [s]."""
@@ -48,7 +48,9 @@ class IdentityMemory:
 
     def remember(self, people: People, ns: int) -> None:
         """Keep tracks that end at stamp ns, if they are confirmed and their clothes are known."""
-        self._left = self._left_of(people, ns).joined(people.select(people.confirmed & people.clothes.known))
+        kept = people.confirmed & people.clothes.known
+        if kept.any():
+            self._left = self._left_of(people, ns).joined(people.select(kept))
 
     def recognized(self, people: People, new: Bool[Mask, "n"], ns: int) -> tuple[People, Bool[Mask, "n"]]:
         """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
@@ -57,10 +59,13 @@ class IdentityMemory:
         person may have left where no sensor looks; a person who has left walks on, known by clothes alone. The hidden track ends.
         Returns the tracks, and which of them are still to be confirmed.
         """
+        fresh = np.flatnonzero(new)
+        if not fresh.size or not self._options.gate:
+            return people, new
         gap_s = (ns - people.roster.measured_ns) / NS_PER_S
         hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
-        fresh, left = np.flatnonzero(new), self._left_of(people, ns)
-        if not fresh.size or not (hidden.size or len(left)) or not self._options.gate:
+        left = self._left_of(people, ns)
+        if not (hidden.size or len(left)):
             return people, new
         before, after = people.select(hidden), people.select(fresh)
         off = after.positions - before.positions[:, None]
@@ -72,15 +77,15 @@ class IdentityMemory:
             return people, new
         now, is_left = fresh[now], old >= hidden.size
         identity = before.joined(left).select(old)
-        self._left = left.select(written(np.ones(len(left), np.bool_), old[is_left] - hidden.size, False))
-        stays = written(np.ones(len(people), np.bool_), hidden[old[~is_left]], False)
+        self._left = left.select(~marked(len(left), old[is_left] - hidden.size))
+        stays = ~marked(len(people), hidden[old[~is_left]])
         people = people.replaced(now, people.select(now).identified_as(identity))
         return people.select(stays), written(new, now, False)[stays]
 
     def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
         """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
         clothes, options = people.clothes, self._options
-        own = chi_squared_distance(clothes.reference[row], histogram).diagonal()
+        own = chi_squared(clothes.reference[row], histogram)
         unlike = people.confirmed[row] & clothes.known[row] & (own > _DOUBTFUL)
         unlike &= ns - clothes.learned_ns[row] < _PATIENCE_S * NS_PER_S
         doubtful = np.zeros(row.size, np.bool_)
@@ -99,14 +104,14 @@ class IdentityMemory:
 
         The second may be of who has left; the identity of the first has then left in its place.
         """
-        clothes, left, n = people.clothes, self._left_of(people, ns), len(people)
+        clothes, n = people.clothes, len(people)
         sure = people.confirmed & (clothes.n_look >= _FEWEST)
         seen = sure & (ns - clothes.looked_ns <= _SEEN_S * NS_PER_S)
         body = row[sure[row]]
-        unlike = _log_ratio(chi_squared_distance(clothes.reference[body], clothes.lately[body]).diagonal()) < 0
+        unlike = _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body])) < 0
         if not unlike.any():
             return people
-        body, ratio = body[unlike], np.zeros((n, n))
+        body, ratio, left = body[unlike], np.zeros((n, n)), self._left_of(people, ns)
         ratio[:, seen] = _log_ratio(chi_squared_distance(clothes.reference, clothes.lately[seen]))
         ratio[:, seen] += _log_walked(clothes.learned_at, ns - clothes.learned_ns, people.positions[seen])
         own = np.maximum(ratio.diagonal(), -_UNKNOWN)

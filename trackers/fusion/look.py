@@ -46,13 +46,14 @@ class Expected:
 class Look:
     """k measurements of one kind at one stamp.
 
-    owner: the track that a measurement is of, −1 where it is to be associated, `NEW` where it is nobody's who is known; starts:
-    the hits with which a track begins that a measurement initiates, 0 where it may not: one that can be nobody but a person
-    counts as several; missed: the probability that the look would not show a standing person at room points (2, ...) [m], (...);
-    by_posture: the detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells
-    one place from another near by; observes: H of the measurements; evidence: of each measurement that a person is there, in
-    that of a whole person; None: of all 1. likeness: how much what is measured looks like a person, −1 to 1, by which it counts
-    for those who are not yet confirmed; None: 1.
+    owner: the track that a measurement is of, −1 where it is to be associated, `NEW` where it is nobody's who is known;
+    starts: the hits with which a track begins that a measurement initiates, 0 where it may not: one that can be nobody but a
+    person counts as several; missed: the probability that the look would not show a standing person at room points (2, ...)
+    [m], (...); known: that of the expected tracks at their places, None where it is not known already; by_posture: the
+    detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
+    another near by; observes: H of the measurements; evidence: of each measurement that a person is there, in that of a whole
+    person; None: of all 1. likeness: how much what is measured looks like a person, −1 to 1, by which it counts for those who
+    are not yet confirmed; None: 1.
     """
 
     sensors: tuple[str, ...]
@@ -64,6 +65,7 @@ class Look:
     missed: Callable[[Array], Array]
     by_posture: Shares
     is_sharp: bool = False
+    known: Float[Array, "n"] | None = None
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     shown: tuple[Detection, ...] = field(default=())
     evidence: Float[Array, "k"] | None = None

@@ -130,7 +130,7 @@ class People(ImmTracks):
     @property
     def velocity(self) -> Float[Array, "n 2"]:
         """Each track's velocity over its modes [m/s]."""
-        return (self.state.mean[2:4] * self.state.probability).sum(axis=1).T
+        return self.state.mean_over_modes[2:4].T
 
     @property
     def covariance(self) -> Float[Array, "n 2 2"]:
@@ -140,7 +140,7 @@ class People(ImmTracks):
     @property
     def head(self) -> Float[Array, "n 3"]:
         """Places of heads over the modes [m]."""
-        return (self.state.mean * self.state.probability).sum(axis=1).T @ HEAD.T
+        return self.state.mean_over_modes.T @ HEAD.T
 
     @property
     def head_covariance(self) -> Float[Array, "n 3 3"]:
@@ -155,7 +155,7 @@ class People(ImmTracks):
     @property
     def legs(self) -> Float[Array, "n 2"]:
         """Offsets of the middles of legs from the places, over the modes [m]."""
-        return (self.state.mean[7:] * self.state.probability).sum(axis=1).T
+        return self.state.mean_over_modes[7:].T
 
     @property
     def stature(self) -> Float[Array, "n"]:

@@ -157,7 +157,7 @@ class Posture(Rows):
         share: Float[Array, "k"],
     ) -> Self:
         """Weigh those at `row` by their speed [m/s], and by how far from their seats they, or their legs, are measured [m]."""
-        off_m = np.nan_to_num(np.hypot(*(measured - self.seat[row]).T))
+        off_m = np.fmax(np.hypot(*(measured - self.seat[row]).T), 0.0)  # 0 without a seat
         moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / np.where(of_legs, LEGS_REST_M, _SEAT_M)) ** 2
         # who stays may stand there as well
         moves = share * np.maximum(moves - _UP, 0.0)
@@ -172,7 +172,7 @@ class Posture(Rows):
         stays = np.where(self.lies, 1.0, np.exp(-since_s / _SEAT_S))
         kept = np.where(np.isnan(self.seat[:, 0]), 0.0, stays)[:, None]
         old, new = np.concatenate([self.seat, self.feet], axis=1), np.concatenate([place, place + legs], axis=1)
-        learned = np.where(self.rests[:, None], kept * np.nan_to_num(old) + (1 - kept) * new, np.nan)
+        learned = np.where(self.rests[:, None], np.where(kept > 0, kept * old, 0.0) + (1 - kept) * new, np.nan)
         return self.changed(seat=learned[:, :2], feet=learned[:, 2:])
 
     def lain_down(self) -> Self:

@@ -121,22 +121,30 @@ class Camera:
         return apart | ~np.logical_or.reduce(meets & ~np.eye(len(heads), dtype=np.bool_), axis=1)
 
     def colours(
-        self, crowns: Float[Array, "n 3"], stature_m: Float[Array, "n"]
+        self, crowns: Float[Array, "n 3"], stature_m: Float[Array, "n"], asked: Bool[Mask, "n"]
     ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
-        """Return histograms of the clothes of people below crowns [m], and whose are clearly seen, in the newest picture."""
-        n, place = len(crowns), crowns[:, :2]
+        """Return histograms of the clothes of those asked for of people below crowns [m], in the newest picture.
+
+        And whose are clearly seen; the histograms of others are empty.
+        """
+        found, clear = np.zeros((len(crowns), self.n_colour)), np.zeros(len(crowns), np.bool_)
+        row = np.flatnonzero(asked)
+        if not row.size:
+            return found, clear
+        place, stature_m = crowns[row, :2], stature_m[row]
         sight = place - self.camera.eye_m[:2]
         right = np.stack([sight[:, 1], -sight[:, 0]], axis=1) / np.maximum(np.linalg.norm(sight, axis=1), 1e-6)[:, None]
-        points = np.empty((n, *_TORSO.shape[:2], 3))
+        points = np.empty((row.size, *_TORSO.shape[:2], 3))
         points[..., :2] = place[:, None, None] + _TORSO[..., :1] * right[:, None, None]
         points[..., 2] = _TORSO[..., 1] * stature_m[:, None, None]
         pixels, inside = self.camera.project(points)
-        mask = self.picture.mask
-        column, row = np.nan_to_num(np.moveaxis(pixels, -1, 0)).round().astype(np.intp)
-        inside &= mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
+        column, line = (np.where(inside, pixels[..., axis], 0.0).round().astype(np.intp) for axis in (0, 1))
+        inside &= self.picture.mask[line, column]
         chest = np.column_stack([place, 0.65 * stature_m])
-        clear = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, crowns)
-        return self._histogram.of_windows(self._rgb, pixels, inside), clear
+        seen = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, crowns)
+        clear[row] = seen
+        found[clear] = self._histogram.of_windows(self._rgb, pixels[seen], inside[seen])
+        return found, clear
 
 
 def hidden(

@@ -15,7 +15,7 @@ from trackers.filters.negative_information import (
     probability_within,
     update_missed,
 )
-from trackers.filters.rows import written
+from trackers.filters.rows import marked, written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.identity import IdentityMemory
 from trackers.fusion.look import APART_M, NEW, Look, most_nats, round_covariance
@@ -55,15 +55,19 @@ class FusionTrackManager(TrackManager):
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
         place, number, R, hits, evidence, near = [], [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
-            start = (look.starts > 0) & (~explained(people, look) | (look.owner == NEW))
-            start &= self.clear_of_seats(people, look.position, look.covariance)
-            start[column] = False
             near.append(look.position[column])
+            start = (look.starts > 0) & ~marked(len(look.starts), column)
+            if not start.any():
+                continue
+            start &= ~explained(people, look) | (look.owner == NEW)
+            start &= self.clear_of_seats(people, look.position, look.covariance)
             place.append(look.position[start])
             number.append(np.full(start.sum(), source))
             R.append(look.covariance[start])
             hits.append(look.starts[start])
             evidence.append(look.evidence_of(np.flatnonzero(start)))
+        if not sum(map(len, place)):
+            return people
         place, number, R, hits, evidence = (np.concatenate(each) for each in (place, number, R, hits, evidence))
         free = self.may_start(place, np.concatenate(near))
         for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
@@ -128,7 +132,7 @@ class FusionTrackManager(TrackManager):
         if look.is_sharp:
             chance = miss_probability(people.state, look.missed, people.velocity.T)
         else:
-            chance = look.missed(people.positions.T)
+            chance = look.missed(people.positions.T) if look.known is None else look.known
         return 1 - people.posture.shown(look.by_posture) * (1 - chance)
 
     def detected(
@@ -170,19 +174,22 @@ class FusionTrackManager(TrackManager):
             free = (clear_of(at, others, APART_M) & self.inside(at)).reshape(points.shape[1:])
             return np.maximum(look.missed(points) ** share * free, 1e-3)
 
-        some = people.select(row)
-        beyond = miss_probability(some.state, self.beyond, some.velocity.T) * ~some.posture.rests
+        state, along = people.state.select(row), people.velocity[row].T
+        position = state.mean_over_modes[:2].T
+        beyond = miss_probability(state, self.beyond, along) * ~people.posture.rests[row]
         if look.is_sharp:
-            state, chance = update_missed(some.state, not_shown, some.velocity.T)
+            state, chance = update_missed(state, not_shown, along)
         else:
-            state, chance = some.state, not_shown(some.positions.T)
-        alone = clear_of(some.place, others, APART_M) & self.inside(some.positions)
+            chance = not_shown(position.T)
+        alone = clear_of(people.place[row], others, APART_M) & self.inside(position)
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
-        whole = (some.posture.probability * by_posture).sum(axis=1)
+        whole = (people.posture.probability[row] * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
         # a person who may have left undetected may be anywhere where nothing would show them
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
-        existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s, beyond)
+        existence = existence_after_miss(
+            people.existence[row], whole, elapsed_s / people.seen_ns.shape[1], stays_s, beyond
+        )
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
 
@@ -227,6 +234,8 @@ class FusionTrackManager(TrackManager):
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
+        if not new.any():
+            return people
         people, new = self.identities.recognized(people, new, ns)
         return people.changed(roster=self.confirm(people.roster, new))
 
@@ -237,9 +246,13 @@ class FusionTrackManager(TrackManager):
     def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
         """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place."""
         reported, fresh = self.reported(people.roster, ns), self.is_fresh(people, ns)
-        within = probability_within(people.state, people.positions, self._rules.within_m, people.velocity.T)
-        there = (people.existence * within > 0.5) & self.inside(people.positions)
-        return reported & (fresh | there)
+        row = np.flatnonzero(reported & ~fresh)
+        if not row.size:
+            return reported
+        state, position = people.state.select(row), people.positions[row]
+        within = probability_within(state, position, self._rules.within_m, people.velocity[row].T)
+        there = (people.existence[row] * within > 0.5) & self.inside(position)
+        return written(reported, row, there)
 
     def without_doubles(self, people: People, elapsed_s: float) -> People:
         """Delete the younger of two tracks that are known to have been at one place for long; tentative ones at once.

@@ -23,7 +23,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import radius_containing
-from trackers.filters.rows import written
+from trackers.filters.rows import marked, written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, pair
 from trackers.fusion.camera_sources import CameraSource, cameras_of
@@ -107,7 +107,6 @@ class Fusion(SynchronizedTracker):
         self._stand_ins = frozenset[str]()  # of the first frame of others
         self._detections: list[Detection] = []
         self._agreement = Agreement([each.names for each in self._sources])
-        self._suspect = self._agreement.suspect
 
     @property
     def warnings(self) -> list[str]:
@@ -199,7 +198,7 @@ class Fusion(SynchronizedTracker):
 
     def _take(self, looks: dict[int, Look], ns: int) -> None:
         """Take what sources measured at once, by their numbers: associate, update, initiate."""
-        people, numbers, suspect = self._people, list(looks), self._suspect
+        people, numbers, suspect = self._people, list(looks), self._agreement.suspect
         looks = {k: self._agreement.of_suspect(look, k) if suspect[k] else look for k, look in looks.items()}
         elapsed_s, share = {}, {}
         for number, look in looks.items():
@@ -212,6 +211,8 @@ class Fusion(SynchronizedTracker):
         self._agreement.age(ns)
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
+        for sentence in self._agreement.found():
+            logger.warning(sentence)
         people = self._measured(people, paired, looks, ns)
         trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not suspect[k]]
         people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
@@ -225,60 +226,56 @@ class Fusion(SynchronizedTracker):
     def _compare(
         self, people: People, look: Look, pairs: Pairs, missed: Float[Array, "n"], share: float, number: int, ns: int
     ) -> None:
-        """Compare what a source measured with what the others did, and say once what contradicts them."""
+        """Compare what a source measured with what the others did."""
         agreement, row, column = self._agreement, pairs.row, pairs.column
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
         agreement.take(number, people, row, look.position[column], sigma_m, ns)
-        others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
+        others_ns = np.where(np.arange(people.seen_ns.shape[1]) == number, NEVER_NS, people.seen_ns).max(axis=1)
         by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.posture.rests
-        shown = np.zeros(len(people), np.bool_)
-        shown[row] = True
+        shown = marked(len(people), row)
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
-        source = self._sources[number]
-        if isinstance(source, CameraSource):
-            source.learn_shown(people.crowns, share * by_others, shown)
-        self._suspect = agreement.suspect
-        for sentence in agreement.found():
-            logger.warning(sentence)
+        if isinstance(source := self._sources[number], CameraSource):
+            source.learn_shown(people.positions, share * by_others, shown)
 
     def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
-        fields = ("row", "log_ratio", "evidence")
+        fields, whole = ("row", "log_ratio", "evidence"), list(zip(looks.values(), paired, strict=True))
         row, ratio, evidence = (np.concatenate([getattr(each, of) for each in paired]) for of in fields)
         if not row.size:
             return people
-        number = np.repeat(list(looks), [each.row.size for each in paired])
-        by, kinds = [looks[n] for n in number], ("lasts_s", "p_detect")
-        kind = {name: np.array([getattr(look.kind, name) for look in by]) for name in kinds}
         place, covariance, stays_m2 = (
-            np.concatenate([getattr(look, of)[each.column] for look, each in zip(looks.values(), paired, strict=True)])
+            np.concatenate([getattr(look, of)[each.column] for look, each in whole])
             for of in ("position", "covariance", "stays_m2")
         )
+        number = np.repeat(list(looks), count := [each.row.size for each in paired])
+        of_legs, of_heads = (
+            np.repeat([getattr(look, of) for look, _ in whole], count) for of in ("of_legs", "of_heads")
+        )
+        kinds = [(look.kind.lasts_s, look.kind.p_detect, look.alike_s, look.by_posture[2]) for look, _ in whole]
+        lasts_s, p_detect, alike_s, of_lying = np.repeat(np.array(kinds).T, count, axis=1)
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
-        share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
-        of_legs, of_heads = (np.array([getattr(look, k) for look in by]) for k in ("of_legs", "of_heads"))
-        alike_s, of_lying = np.array([(look.alike_s, look.by_posture[2]) for look in by]).T
-        posture = people.posture.detected(row, of_lying, np.clip(since_s / alike_s, _LEAST_SHARE, 1.0))
+        share, of_posture = (np.minimum(np.maximum(since_s / each, _LEAST_SHARE), 1.0) for each in (lasts_s, alike_s))
+        posture = people.posture.detected(row, of_lying, of_posture)
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         state = people.state
-        for (source, look), each in zip(looks.items(), paired, strict=True):
+        for source, (look, each) in zip(looks, whole, strict=True):
             of = number == source
             if look.of_legs:
                 posture = self._by_legs(people, posture, each.row, place[of], covariance[of, 0, 0], since_s[of], ns)
                 state = with_legs_free(state, each.row, each.legs_moved * LEGS_REST_M**2)
             state = self._imm.update(state, each.row, place[of], R[of], look.observes)
-        each = np.unique(row)
+        each = np.flatnonzero(marked(len(people), row))
         people = people.changed(posture=posture, roster=people.roster.measured(each, ns, state))
-        people = self._manager.detected(people, row, ratio, share * upright * evidence, kind["p_detect"])
-        offset_m2 = (np.bincount(row, stays_m2) / np.bincount(row).clip(1))[each]
+        people = self._manager.detected(people, row, ratio, share * upright * evidence, p_detect)
+        offset_m2 = np.bincount(row, stays_m2)[each] / np.bincount(row)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, pelvis
         seat = people.positions
-        for look, pairs in zip(looks.values(), paired, strict=True):
+        for look, pairs in whole:
             if look.of_heads:  # a pelvis is about under a sitting head
                 seat = written(seat, pairs.row, people.head[pairs.row, :2])
         still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
@@ -326,7 +323,7 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
         heads, row, place, R = self._weighing.updated(before, head, covariance, cameras, in_view, outlined, share, ns)
-        due = outlined.any(axis=0) & ~written(np.zeros(len(people), np.bool_), row, True)
+        due = outlined.any(axis=0) & ~marked(len(people), row)
         people = people.with_heads(heads, due, ns)
         if row.size:
             state = self._imm.update(people.state, row, place, R, HEAD)
@@ -336,8 +333,9 @@ class Fusion(SynchronizedTracker):
             posture = people.posture.by_head(row, height_m, unsure_m2, people.stature[row], since_s[row])
             people = people.changed(posture=posture)
             people = people.learn_stature(row, height_m, variance_m2, self.options.identity.memory)
-        seen = [each.colours(people.crowns, people.stature) for each in cameras]
-        clear = np.array([each for _, each in seen]) & (people.roster.measured_ns == ns) & ~people.posture.lies
+        asked = (people.roster.measured_ns == ns) & ~people.posture.lies
+        seen = [each.colours(people.crowns, people.stature, asked) for each in cameras]
+        clear = np.array([each for _, each in seen])
         looked = np.flatnonzero(clear.any(axis=0))
         if looked.size:
             histograms = np.einsum("cn,cnb->nb", clear / np.maximum(clear.sum(axis=0), 1), [each for each, _ in seen])

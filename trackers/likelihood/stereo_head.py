@@ -167,6 +167,16 @@ class HeadLikelihoods:
     seen: Bool[Mask, "n"]
 
 
+@dataclass(frozen=True, eq=False)
+class CloseLook:
+    """Pixels of c pictures at `_LOOKED_AT` points of n heads in each, picture by picture."""
+
+    pixels: Int32[AnyArray, "points c*n"]
+    seen_as: Outlines
+    yaw: Float[Array, "c n"]  # [rad]
+    knows_depth: Bool[Mask, "c"]
+
+
 class StereoHeads:
     """Likelihood of heads by some stereo cameras, whose pictures of a frame are evaluated together."""
 
@@ -219,18 +229,17 @@ class StereoHeads:
         )
         return [HeadLikelihoods(*each) for each in zip(colour, depth, p_detect.astype(np.float16), seen, strict=True)]
 
-    def facing(
-        self,
-        pictures: Sequence[PackedPicture],
-        heads: Float[Array, "4 c n"],
-        tables: Float[Singles, "n entries"] | None,
-    ) -> Float[Singles, "c n directions"]:
-        """Return log-likelihoods by colour of n people's heads in each of `ASPECTS[0]` directions."""
-        options = self._options
-        c, n = heads.shape[1:]
-        seen_as = outlines(self._cameras, heads, options.semi_axes_m)
+    def close_look(self, pictures: Sequence[PackedPicture], heads: Float[Array, "4 c n"]) -> CloseLook:
+        """Look up the pictures at many points of n heads (x, y, z [m], yaw [rad]) in each."""
+        seen_as = outlines(self._cameras, heads, self._options.semi_axes_m)
         pixels = pixels_in(pictures, seen_as, inner_points(_LOOKED_AT))
-        east = np.rint((seen_as.facing + heads[3].ravel()) * (ASPECTS[0] / (2 * np.pi)) - 0.5).astype(np.intp)
+        return CloseLook(pixels, seen_as, heads[3], np.array([each.knows_depth for each in pictures]))
+
+    def facing(self, look: CloseLook, tables: Float[Singles, "n entries"] | None) -> Float[Singles, "c n directions"]:
+        """Return log-likelihoods by colour of n people's heads in each of `ASPECTS[0]` directions."""
+        options, pixels, seen_as = self._options, look.pixels, look.seen_as
+        c, n = look.yaw.shape
+        east = np.rint((seen_as.facing + look.yaw.ravel()) * (ASPECTS[0] / (2 * np.pi)) - 0.5).astype(np.intp)
         turn = (east[:, None] - np.arange(ASPECTS[0])) % ASPECTS[0]  # as `aspects` counts, of each direction
         log = np.zeros(turn.shape, np.float32)
         if options.skin_share is not None:
@@ -246,16 +255,21 @@ class StereoHeads:
         seen = np.where(seen_as.seen[:, None], log, 0).astype(np.float32)  # sent between processes
         return seen.reshape(c, n, ASPECTS[0])
 
-    def colours_on(self, pictures: Sequence[PackedPicture], heads: Float[Array, "4 1 n"]) -> Int[Index, "3 k"]:
-        """Return one camera's pixels on a head (x, y, z [m], yaw [rad]) of each of n people: person, step of s, colour."""
-        seen_as = outlines(self._cameras, heads, self._options.semi_axes_m)
-        pixels = pixels_in(pictures, seen_as, inner_points(_LOOKED_AT))
+    def colours_on(self, look: CloseLook, learns: Bool[Mask, "c n"] | bool = True) -> Int[Index, "3 k"]:
+        """Return the pixels on n people's heads, picture by picture: person, step of s, colour.
+
+        learns: which heads are asked for in which picture.
+        """
+        pixels, seen_as, shape = look.pixels, look.seen_as, (_LOOKED_AT, *look.yaw.shape)
         on_head = ((pixels & FOREGROUND) > 0) & seen_as.seen
-        if pictures[0].knows_depth:
-            on_head &= np.abs(range_m(pixels) - seen_as.range_m) < _NEAR_M
+        if look.knows_depth.any():
+            near = np.abs(range_m(pixels) - seen_as.range_m) < _NEAR_M
+            on_head &= near | ~look.knows_depth.repeat(shape[2])
         steps = self._steps_looked_at.take(seen_as.aspects(), axis=1) // COLOURS
-        person = np.broadcast_to(np.arange(heads.shape[2]), pixels.shape)
-        return np.stack([person[on_head], steps[on_head], pixels[on_head] & (COLOURS - 1)]).astype(np.intp)
+        by_picture = ((on_head.reshape(shape) & learns).swapaxes(0, 1)).nonzero()
+        camera, point, person = by_picture
+        at = point, camera * shape[2] + person
+        return np.stack([person, steps[at], pixels[at] & (COLOURS - 1)]).astype(np.intp)
 
     @cached_property
     def _steps_shown(self) -> Int32[AnyArray, "points aspects"]:

@@ -58,7 +58,7 @@ class Evaluator:
 
     def facing(self, heads: Float[Array, "4 n"]) -> Float[Singles, "n directions"]:
         """Weigh directions of heads (`StereoHeads.facing`)."""
-        return self._heads.facing([self.picture()], heads[:, None], self.tables())[0]
+        return self._heads.facing(self._heads.close_look([self.picture()], heads[:, None]), self.tables())[0]
 
     def silhouettes_off_rad(self, crowns: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         """Return the offsets of silhouettes from heads' crowns (`trackers.rgbd_head.calibration.silhouettes_off_rad`)."""
@@ -66,7 +66,7 @@ class Evaluator:
 
     def colours_on(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """Return the picture's pixels on heads (`StereoHeads.colours_on`)."""
-        return self._heads.colours_on([self.picture()], heads[:, None])
+        return self._heads.colours_on(self._heads.close_look([self.picture()], heads[:, None]))
 
     def unassigned(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
         """Return foreground points (`StereoCamera.foreground_points`) at the height of people, farther than `apart_m` from
@@ -132,7 +132,8 @@ class Evaluators:
         if not heads:
             return []
         together, pictures, tables = self._together(tuple(heads))
-        return list(together.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
+        look = together.close_look(pictures, np.stack(list(heads.values()), axis=1))
+        return list(together.facing(look, tables))
 
     def head_offsets(self, heads: Mapping[str, Float[Array, "4 n"]]) -> dict[str, HeadOffsets]:
         """Return the offsets of each camera's silhouettes from heads at its stamp."""

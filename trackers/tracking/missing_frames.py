@@ -55,7 +55,7 @@ class StaleFrameDetector:
         if before is None or before.shape != values.shape:
             return False
         n_changed = int(np.count_nonzero(before != values))
-        n = int(np.count_nonzero((before >= 0) | (values >= 0)))
+        n = values.size if values.dtype == np.uint8 else int(np.count_nonzero((before >= 0) | (values >= 0)))
         if n_changed:
             self._noisy[sensor] = n >= _LEAST and 2 * n_changed >= n
         return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)

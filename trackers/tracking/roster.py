@@ -81,7 +81,7 @@ class ImmTracks(Rows):
     @property
     def positions(self) -> Float[Array, "n 2"]:
         """Position of each track over its modes [m]."""
-        return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
+        return self.state.mean_over_modes[:2].T
 
     def in_state(self, state: ImmState) -> Self:
         """Return the tracks with another state."""

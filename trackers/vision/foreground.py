@@ -114,9 +114,17 @@ class Foreground:
         A learned background is that of earlier pictures; the first has no foreground. Raises InputError for a picture of
         another size than the camera's.
         """
+        return self.mask_of(self.differences(image, hsv))
+
+    def differences(self, image: Image | DepthImage, hsv: Hsv | None = None) -> Differences:
+        """Return how a picture differs from the background, for `mask_of`; learns and raises as `mask` does."""
         rgb = self._checked(image)
         background = self._learned(rgb, image.t) if self._background is None else self._background
-        return self._cleaned(background.differs(hsv_of(rgb) if hsv is None else hsv, self.options))
+        return background.differences(hsv_of(rgb) if hsv is None else hsv)
+
+    def mask_of(self, differences: Differences) -> Bool[Mask, "height width"]:
+        """Return the mask of the foreground of a picture with these differences."""
+        return self._cleaned(differences.changed(self.options))
 
     def pass_over(self, image: Image | DepthImage) -> None:
         """Learn from a picture as `mask` does, without a mask."""
@@ -153,8 +161,8 @@ class Foreground:
         there = slice(top, top + height), slice(left, left + width)
         cleaned = np.zeros(mask.shape, np.bool_)
         if width:
-            # at most a quarter of the pixels are regions that touch by a corner; 16 bits are three times as fast
-            ltype = cv2.CV_16U if mask.size < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
+            # regions that touch by a corner are one, so at most a quarter of the pixels; 16 bits are three times as fast
+            ltype = cv2.CV_16U if width * height < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
             _, label, stats, _ = cv2.connectedComponentsWithStats(mask[there], connectivity=8, ltype=ltype)
             kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
             kept[0] = False  # background
@@ -193,23 +201,41 @@ class _Background:
         darkest, lightest = np.ceil(level * _SHADOW_DARKEST), np.floor(level * _SHADOW_LIGHTEST)
         return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
 
-    def differs(self, hsv: Hsv, options: ForegroundOptions) -> Bool[Mask, "height width"]:
-        """Return the mask of changed pixels that no shadow explains."""
+    def differences(self, hsv: Hsv) -> Differences:
+        """Return how a picture differs from the empty room."""
         hue, saturation, value = hsv
         hue_off = cv2.absdiff(hue, self.hue)
         hue_off = np.minimum(hue_off, HALF_TURNS - hue_off)
-        saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
+        saturation_off = np.asarray(cv2.absdiff(saturation, self.saturation), np.uint8)
+        value_off = np.asarray(cv2.absdiff(value, self.value), np.uint8)
         # integer thresholds: numpy would compare with fractions in double precision
         lit = np.minimum(value, self.value) > int(FULL * _COLOUR_FROM_VALUE)
         hued = lit & (np.minimum(saturation, self.saturation) > int(FULL * _HUE_FROM_SATURATION))
-        changed = value_off > int(FULL * options.value_change)
-        changed |= lit & (saturation_off > int(FULL * options.saturation_change))
-        changed |= hued & (hue_off > int(_HUE_CHANGE_DEG / 2))
+        saturation_off *= lit.view(np.uint8)
+        hue_off *= hued.view(np.uint8)
+        return Differences(hue_off, saturation_off, value_off, value, self)
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Differences of a picture from a background in 8-bit HSV, each 0 where it does not count."""
+
+    hue: UInt8[Bytes, "height width"]
+    saturation: UInt8[Bytes, "height width"]
+    value: UInt8[Bytes, "height width"]
+    level: UInt8[Bytes, "height width"]  # value of the picture
+    background: _Background
+
+    def changed(self, options: ForegroundOptions) -> Bool[Mask, "height width"]:
+        """Return the mask of changed pixels that no shadow explains."""
+        changed = self.value > int(FULL * options.value_change)
+        changed |= self.saturation > int(FULL * options.saturation_change)
+        changed |= self.hue > int(_HUE_CHANGE_DEG / 2)
         if not options.shadows:
             return changed
-        shadow = (value >= self.darkest) & (value <= self.lightest)
-        shadow &= ~lit | (saturation_off <= int(FULL * _SHADOW_SATURATION))
-        shadow &= ~hued | (hue_off <= int(_SHADOW_HUE_DEG / 2))
+        shadow = (self.level >= self.background.darkest) & (self.level <= self.background.lightest)
+        shadow &= self.saturation <= int(FULL * _SHADOW_SATURATION)
+        shadow &= self.hue <= int(_SHADOW_HUE_DEG / 2)
         return changed & ~shadow
 
 

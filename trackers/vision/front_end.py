@@ -28,7 +28,7 @@ from trackers.configuration import Strict
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
 from trackers.vision.colour_bins import Hsv, hsv_of
-from trackers.vision.foreground import Foreground, ForegroundOptions, checked_rgb, shows_floor
+from trackers.vision.foreground import Differences, Foreground, ForegroundOptions, checked_rgb, shows_floor
 
 Picture = TypeVar("Picture", bound=Image | DepthImage)
 
@@ -61,10 +61,11 @@ class FrontEndOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class PreparedPicture(Generic[Picture]):
-    """A picture of normalized exposure, its channels, and its foreground."""
+    """A picture of normalized exposure, its channels, how it differs from the empty room, and its foreground."""
 
     image: Picture
     hsv: Hsv
+    differences: Differences
     mask: Bool[Mask, "height width"]
 
 
@@ -103,10 +104,11 @@ class CameraFrontEnd:
         """Prepare a picture; None if it is blind. Raises InputError for another size than the rig's."""
         image = self.normalize_exposure(image)
         hsv = hsv_of(image.rgb)
-        mask = self._foreground.mask(image, hsv)
+        differences = self._foreground.differences(image, hsv)
+        mask = self._foreground.mask_of(differences)
         if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
             return None
-        return PreparedPicture(image, hsv, mask)
+        return PreparedPicture(image, hsv, differences, mask)
 
     def pass_over(self, image: Image | DepthImage) -> None:
         """Learn from a picture as `prepare` does, without preparing it."""
@@ -148,7 +150,8 @@ def _gain_of(rgb: UInt8[Bytes, "height width 3"]) -> float:
 
 
 def _brightness(rgb: UInt8[Bytes, "height width 3"]) -> UInt8[Bytes, "rows columns"]:
-    return rgb[::_EVERY, ::_EVERY].max(axis=-1)
+    red, green, blue = np.moveaxis(rgb[::_EVERY, ::_EVERY], -1, 0)
+    return np.maximum(np.maximum(red, green), blue)  # numpy is slow along short rows
 
 
 _REMEMBERED = 160

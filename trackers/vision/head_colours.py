@@ -65,7 +65,8 @@ def _numbers() -> Int16[AnyArray, "65536"]:
 
 def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[AnyArray, "height width"]:
     """Return the number of each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
-    return _numbers().take(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565).view(np.uint16)[..., 0])
+    code = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565), np.uint8).view(np.uint16)[..., 0]
+    return np.asarray(cv2.LUT(code, _numbers()), np.int16)
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,10 +62,10 @@ class ColourHistogram:
 
         Pixels of points behind the camera may be NaN.
         """
-        k, pixels = len(pixels), np.nan_to_num(pixels)
+        k, pixels = len(pixels), np.where(inside[..., None], pixels, 0.0)
         if k == 0:
             return np.empty((0, self.size))
-        column = np.clip(np.rint(pixels[..., 0]), 0, rgb.shape[1] - 1).astype(np.intp)  # outside: masked below
+        column = np.clip(np.rint(pixels[..., 0]), 0, rgb.shape[1] - 1).astype(np.intp)
         row = np.clip(np.rint(pixels[..., 1]), 0, rgb.shape[0] - 1).astype(np.intp)
         # twice as fast as two indices
         sampled = rgb.reshape(-1, 3).take(row * rgb.shape[1] + column, axis=0).reshape(k, -1, 3)
@@ -114,8 +114,12 @@ def normalised(counts: Float[Array, "k bins"]) -> Float[Array, "k bins"]:
 
 def chi_squared_distance(references: Float[Array, "n bins"], histograms: Float[Array, "k bins"]) -> Float[Array, "n k"]:
     """Return E: ½ Σ (u − v)² / (u + v) between each reference and each histogram, in [0, 1] (eq. 6, inferred)."""
-    difference = references[:, None] - histograms[None]
-    total = references[:, None] + histograms[None]
+    return chi_squared(references[:, None], histograms[None])
+
+
+def chi_squared(references: Float[Array, "*#n bins"], histograms: Float[Array, "*#n bins"]) -> Float[Array, "*n"]:
+    """Return that distance between histograms at the same place of two arrays."""
+    difference, total = references - histograms, references + histograms
     return 0.5 * np.divide(difference**2, total, out=np.zeros_like(total), where=total > 0).sum(axis=-1)
 
 
@@ -157,7 +161,11 @@ def _smoothed(
     if counts.shape[1] == 0:
         return counts
     reach = kernel.size // 2
-    padded = np.pad(counts, ((0, 0), (reach, reach)), mode)
+    if mode == "wrap":
+        padded = counts.take(np.arange(-reach, counts.shape[1] + reach), axis=1, mode="wrap")
+    else:
+        padded = np.zeros((len(counts), counts.shape[1] + 2 * reach))
+        padded[:, reach : reach + counts.shape[1]] = counts
     return np.einsum("kbw,w->kb", np.lib.stride_tricks.sliding_window_view(padded, kernel.size, axis=1), kernel)
 
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Int32, Mask, Shaped, Singles, UInt8
+from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Int16, Int32, Mask, Shaped, Singles, UInt8
 from trackers.observations import DepthImage
 from trackers.rig import StereoSensor
 from trackers.vision.front_end import CameraFrontEnd, PreparedPicture
@@ -107,9 +107,7 @@ class StereoCamera:
     ) -> Int32[AnyArray, "height width"]:
         """Pack a part of a picture as `PackedPicture.pixels` holds it."""
         rgb = np.ascontiguousarray(rgb)
-        code = colour_numbers(rgb)
-        code += np.int16(IN_PICTURE)
-        code += mask * np.int16(FOREGROUND)
+        code = _codes(rgb, mask)
         if self._skin is not None:
             code += self._skin.shown_in(rgb).view(np.uint8) * np.int16(SKIN)
         # rounded, and limited to 16 bits with a sign
@@ -135,9 +133,16 @@ def packed_without_depth(rgb: UInt8[Bytes, "height width 3"], mask: Bool[Mask, "
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     if width:
         box = slice(top, top + height), slice(left, left + width)
-        pixels[box] += colour_numbers(np.ascontiguousarray(rgb[box]))
-        pixels[box] += mask[box] * np.int32(FOREGROUND)
+        pixels[box] = _codes(np.ascontiguousarray(rgb[box]), mask[box].view(np.uint8))
     return PackedPicture(pixels, mask, knows_depth=False)
+
+
+def _codes(rgb: UInt8[Bytes, "height width 3"], mask: UInt8[Bytes, "height width"]) -> Int16[AnyArray, "height width"]:
+    """Return the number of each pixel's colour, with the flags of the picture and of its foreground."""
+    code = colour_numbers(rgb)
+    code += np.int16(IN_PICTURE)
+    code += mask * np.int16(FOREGROUND)
+    return code
 
 
 def _empty_room(

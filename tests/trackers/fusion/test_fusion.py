@@ -17,7 +17,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
 from trackers.fusion.association import pair
-from trackers.fusion.heads import gained, log_free, sights_of_one, unit_points
+from trackers.fusion.heads import FreePlaces, gained, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, LEGS, PersonMotion
@@ -194,16 +194,16 @@ def test_the_place_of_one_head_is_no_others_the_surer_the_less(sigma_m: float) -
     covariance = np.stack([np.eye(3) * each**2 for each in (0.5, sigma_m, sigma_m)])
     sought, others = np.array([0]), np.array([0, 1])  # of the third head nothing is asked
     places = np.stack([[[x, 0.0, z] for x in (-2.0, 0.0, 1.0, 4.0)] for z in (1.6, 1.7)]).reshape(1, 8, 3)
-    free = np.exp(log_free(places, sought, others, expected, covariance)).reshape(2, 4)
+    free = np.exp(FreePlaces.of(sought, others, expected, covariance).log(places)).reshape(2, 4)
     np.testing.assert_array_equal(free[0], free[1])  # whatever the height: nobody stands on another
     assert 1e-3 <= free[0, 2] == free.min() and free[0, 2] == pytest.approx(
         sigma_m**2 / (sigma_m**2 + 0.09**2), abs=1e-3
     )
     assert free[0, [0, 3]] == pytest.approx(1.0, abs=1e-2)
-    surer = np.exp(log_free(places, sought, others, expected, covariance / 4)).reshape(2, 4)
+    surer = np.exp(FreePlaces.of(sought, others, expected, covariance / 4).log(places)).reshape(2, 4)
     assert surer[0, 2] < free[0, 2]
     np.testing.assert_array_equal(
-        log_free(places, sought, sought, expected, covariance), 0.0
+        FreePlaces.of(sought, sought, expected, covariance).log(places), 0.0
     )  # nobody is in their own way
 
 

@@ -210,7 +210,8 @@ def test_directions_are_weighed_as_hypotheses_that_face_there(by_person):
     camera, picture = camera_and_picture()
     likelihood, colours = StereoHeads([camera.camera], MODEL, options), HeadColours.unknown(3).expected(MODEL.common)
     heads, turns = WALK[10].T, np.arange(72) * 2 * np.pi / 72
-    found = likelihood.facing([picture], heads[:, None], colours.tables if by_person else None)[0]
+    look = likelihood.close_look([picture], heads[:, None])
+    found = likelihood.facing(look, colours.tables if by_person else None)[0]
     # the middle of a step of the angle between nose and camera, as the cells have it
     bearing = np.arctan2(*(CAMERA.eye_m[:2, None] - heads[:2])[::-1])
     step = 2 * np.pi / 72
