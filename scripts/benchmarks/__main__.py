@@ -91,6 +91,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "study-proven": studies.proven,
     "table-one": tracking.table_one,
     "tracker-cost": tracking.cost,
+    "fusion-cost": tracking.fusion_cost,
     "imm": filters.imm,
     "vision-only": vision_only.measure,
     "figure-7": filters.figure7,

@@ -5,13 +5,15 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.feeding import track_frames
+from trackers.observations import Observation
 from trackers.presets import make_tracker
 from twin.evaluate import long_occlusions
 from twin.recording.reader import Recording
@@ -28,6 +30,22 @@ _COLUMNS = (
     "waist-fisheye-kalman",
     "laser-kalman",
 )
+_CAMERA = "sensors.{}={{kind: camera, rate_hz: 10, size: [320, 240], vertical_field_of_view_deg: 59, mount: {}, noise: default}}"
+_FUSION_AT = (
+    ("in the lab", "<= 4", "lab-five-people", ()),
+    (
+        "in a home with six sensors",
+        "<= 15",
+        "home-three-people",
+        (
+            "duration_s=30",
+            _CAMERA.format("camera_1", "{xyz: [-2.35, -1.95, 2.4], yaw_deg: 40, pitch_deg: 25}"),
+            _CAMERA.format("camera_2", "{xyz: [2.35, 1.95, 2.4], yaw_deg: -140, pitch_deg: 25}"),
+        ),
+    ),
+    ("in a hall with ten people", "<= 10", "library-hall", ("duration_s=30",)),
+)
+"""Places, targets [ms], scenarios and overrides."""
 _COAST_S = 1.5
 _ROUNDS = 5
 _BARE_CALLS = 1000
@@ -66,32 +84,49 @@ def cost() -> Iterator[Figure]:
     The least of several rounds over one recording, and its ratio to taking 541 beams from polar to Cartesian beside it:
     a shared machine only ever adds.
     """
+    with _recorded("lab-five-people") as bag:
+        observations, spent_ms = list(bag.observations()), {}
+        for name, target in (("laser-imm", "<= 1"), ("laser-fisheye-imm", "<= 5")):
+            spent_ms[name], ratio = _cost_of(name, bag, observations)
+            yield Figure(f"{name}: a scan of five people", spent_ms[name], "ms of CPU", target)
+            yield Figure(f"{name}: the same over 541 beams polar to Cartesian", ratio, "×", "")
+        reading_ms = 1e3 * min(_cpu_s(lambda: deque(bag.observations(), maxlen=0)) for _ in range(_ROUNDS))
+        decoded_ms = spent_ms["laser-fisheye-imm"] + reading_ms / _n_frame(bag, observations)
+        yield Figure("laser-fisheye-imm: reading the bag and decoding its JPEG added", decoded_ms, "ms of CPU", "<= 5")
+
+
+def fusion_cost() -> Iterator[Figure]:
+    """CPU time of a frame of `fusion`, decoding apart: in the lab, in a home with six sensors, in a hall; ratios as of `cost`."""
+    for place, target, scenario, overrides in _FUSION_AT:
+        with _recorded(scenario, *overrides) as bag:
+            spent_ms, ratio = _cost_of("fusion", bag, list(bag.observations()))
+            yield Figure(f"fusion: a frame {place}", spent_ms, "ms of CPU", target)
+            yield Figure(f"fusion {place}: the same over 541 beams polar to Cartesian", ratio, "×", "")
+
+
+@contextmanager
+def _recorded(scenario: str, *overrides: str) -> Iterator[Recording]:
+    """Record a scenario, for as long as its recording is read."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        run_scenario(load_scenario("lab-five-people"), trackers=(), out=out, video=False)
-        bag = Recording(out / "recording.mcap")
-        background, observations = list(bag.background), list(bag.observations())
-        reading = [_cpu_s(lambda: deque(bag.observations(), maxlen=0)) for _ in range(_ROUNDS)]
-    n_scan = sum(observation.sensor == bag.rig.main_sensor for observation in observations)
-    spent_ms = {}
-    for name, target in (("laser-imm", "<= 1"), ("laser-fisheye-imm", "<= 5")):
-        rounds = []
-        for _ in range(_ROUNDS):
-            tracker = make_tracker(name, bag.rig, background)
-            bare_s = _cpu_s(_polar_to_cartesian)
-            rounds.append(
-                (_cpu_s(lambda each=tracker: deque(track_frames(each, bag.rig, observations), maxlen=0)), bare_s)
-            )
-        spent_ms[name] = 1e3 * min(seconds for seconds, _ in rounds) / n_scan
-        yield Figure(f"{name}: a scan of five people", spent_ms[name], "ms of CPU", target)
-        yield Figure(
-            f"{name}: the same over 541 beams polar to Cartesian",
-            min(seconds / bare_s for seconds, bare_s in rounds) * _BARE_CALLS / n_scan,
-            "×",
-            "",
-        )
-    decoded_ms = spent_ms["laser-fisheye-imm"] + 1e3 * min(reading) / n_scan
-    yield Figure("laser-fisheye-imm: reading the bag and decoding its JPEG added", decoded_ms, "ms of CPU", "<= 5")
+        run_scenario(load_scenario(scenario, overrides), trackers=(), out=out, video=False)
+        yield Recording(out / "recording.mcap")
+
+
+def _n_frame(bag: Recording, observations: Sequence[Observation]) -> int:
+    """Count the observations of the main sensor."""
+    return sum(observation.sensor == bag.rig.main_sensor for observation in observations)
+
+
+def _cost_of(name: str, bag: Recording, observations: Sequence[Observation]) -> tuple[float, float]:
+    """Return the CPU time per frame of a tracker [ms], decoding apart, and its ratio to taking beams to Cartesian."""
+    background, rounds, n_frame = list(bag.background), [], _n_frame(bag, observations)
+    for _ in range(_ROUNDS):
+        tracker, bare_s = make_tracker(name, bag.rig, background), _cpu_s(_polar_to_cartesian)
+        spent_s = _cpu_s(lambda each=tracker: deque(track_frames(each, bag.rig, observations), maxlen=0))
+        rounds.append((spent_s, spent_s / bare_s))
+    spent_s, ratio = np.min(rounds, axis=0).tolist()
+    return 1e3 * spent_s / n_frame, ratio * _BARE_CALLS / n_frame
 
 
 def _cpu_s(call: Callable[[], object]) -> float:

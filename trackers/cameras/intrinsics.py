@@ -169,7 +169,7 @@ class PinholeIntrinsics(Intrinsics):
         depth = np.where(ahead, z, np.nan)
         x, y = points[..., 0] / depth, points[..., 1] / depth
         bent_x, bent_y = self._bend(x, y) if self.is_distorted else (x, y)
-        pixels = np.stack([self.fx * bent_x + self.cx, self.fy * bent_y + self.cy], axis=-1)
+        pixels = _pairs(self.fx * bent_x + self.cx, self.fy * bent_y + self.cy)
         seen = ahead & self.contains(pixels)
         if self.is_distorted:
             seen &= np.hypot(x, y) < self.fold_radius
@@ -235,6 +235,13 @@ def _fold_radius(distortion: tuple[float, float, float, float, float]) -> float:
     """Return where the radial polynomial stops growing; cached, since every projection needs it."""
     k1, k2, _, _, k3 = distortion
     return first_turn(Polynomial([0, 1, 0, k1, 0, k2, 0, k3]))
+
+
+def _pairs(u: Array | float, v: Array | float) -> Float[Array, "*n 2"]:
+    """Return two coordinates in the last axis, faster than `np.stack`."""
+    pairs = np.empty((*np.shape(u), 2))
+    pairs[..., 0], pairs[..., 1] = u, v
+    return pairs
 
 
 def _kept_within(x: ArrayOrNumber, y: ArrayOrNumber, radius: float) -> tuple[ArrayOrNumber, ArrayOrNumber]:
@@ -314,7 +321,7 @@ class FisheyeIntrinsics(Intrinsics):
             k1, k2, k3, k4 = self.k
             radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
         scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
-        pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
+        pixels = _pairs(self.fx * scale * x + self.cx, self.fy * scale * y + self.cy)
         return pixels, np.asarray((theta <= self.field_of_view_rad / 2) & self.contains(pixels))
 
     def angle_of_radius(self, radius: Float[ArrayOrNumber, "*n"]) -> Float[Array, "*n"]:

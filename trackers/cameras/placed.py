@@ -266,13 +266,13 @@ def through_people(
 
     And the share of the way to the point at which each passes the person's axis: below 1 the person is before the point.
     """
-    way = points_m - eyes_m[..., None, :]
-    off = (people_m - eyes_m[..., None, :2])[..., None, :, :]
-    flat = way[..., None, :2]
-    square = np.maximum((flat**2).sum(axis=-1), 1e-9)
-    along = (flat * off).sum(axis=-1) / square
-    beside_m = np.abs(flat[..., 0] * off[..., 1] - flat[..., 1] * off[..., 0]) / np.sqrt(square)
-    z = eyes_m[..., None, None, 2] + along * way[..., None, 2]
+    way, off = points_m - eyes_m[..., None, :], people_m - eyes_m[..., None, :2]
+    way_x, way_y, way_z = (way[..., axis, None] for axis in range(3))
+    off_x, off_y = (off[..., None, :, axis] for axis in range(2))
+    square = np.maximum(way_x**2 + way_y**2, 1e-9)
+    along = (way_x * off_x + way_y * off_y) / square
+    beside_m = np.abs(way_x * off_y - way_y * off_x) / np.sqrt(square)
+    z = eyes_m[..., None, None, 2] + along * way_z
     return (along > 0) & (beside_m < radius_m) & (z > 0) & (z < crown_m), along
 
 

@@ -61,7 +61,10 @@ class ImmState:
 
     def select(self, index: Selection) -> ImmState:
         """Return the tracks at `index`."""
-        return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
+        if index.dtype == np.bool_:
+            index = np.flatnonzero(index)
+        # unlike an index, `take` leaves the tracks last in memory too, where every operation on them is several times faster
+        return ImmState(*(each.take(index, axis=-1) for each in (self.mean, self.covariance, self.probability)))
 
     def joined(self, other: ImmState) -> ImmState:
         """Concatenate these tracks and `other`."""

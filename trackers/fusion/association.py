@@ -26,14 +26,16 @@ _GATE, EXPLAINED = 4.0, 3.0
 """Standard deviations from a prediction beyond which a measurement is gated off, and up to which it initiates no track."""
 
 
-def log_density(state: ImmState, look: Look, wider_m2: float = 0.0) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+def log_density(
+    state: ImmState, look: Look, wider_m2: Float[Array, "*w"] | float = 0.0
+) -> tuple[Float[Array, "*w n k"], Float[Array, "*w n k"]]:
     """Return ln p(z) [ln 1/m²] of measurements over the modes of each track, and the least Mahalanobis distance from one.
 
-    wider_m2: variance to add on each axis.
+    wider_m2: variances to add on each axis, for each of which they are returned.
     """
     mean, P = seen(state, look.observes)
-    P = P + wider_m2 * np.eye(2)
-    S = P[:, :, None] + look.covariance  # (n, m, k, 2, 2)
+    P = P + np.multiply.outer(wider_m2, np.eye(2))[..., None, None, :, :]
+    S = P[..., None, :, :] + look.covariance  # (*w, n, m, k, 2, 2)
     off = look.position - mean[:, :, None]
     s_xx, s_xy, s_yy = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
     determinant = s_xx * s_yy - s_xy**2
@@ -41,7 +43,7 @@ def log_density(state: ImmState, look: Look, wider_m2: float = 0.0) -> tuple[Flo
     square = (s_yy * x * x - 2 * s_xy * x * y + s_xx * y * y) / determinant
     log = -0.5 * (square + np.log(determinant)) - np.log(2 * np.pi)
     log += np.log(np.maximum(state.probability, 1e-9)).T[:, :, None]
-    return np.logaddexp.reduce(log, axis=1), np.sqrt(np.maximum(square.min(axis=1), 0.0))
+    return np.logaddexp.reduce(log, axis=-2), np.sqrt(np.maximum(square.min(axis=-2), 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +93,10 @@ def _density(
 
     Who sits down or lies has legs half a metre from there within a second: a mixture, as probable as that people rest.
     """
-    density, away = log_density(people.state, look)
     if not look.of_legs:
+        density, away = log_density(people.state, look)
         return density, away, np.zeros_like(density)
-    wide, away_wide = log_density(people.state, look, LEGS_REST_M**2)
+    (density, wide), (away, away_wide) = log_density(people.state, look, np.array([0.0, LEGS_REST_M**2]))
     wide += np.log(np.maximum(people.posture.probability[:, 1:].sum(axis=1) * by_trunk, 1e-300))[:, None]
     whole = np.logaddexp(density, wide)
     return whole, np.where(by_trunk[:, None], np.minimum(away, away_wide), away), np.exp(wide - whole)

@@ -140,10 +140,11 @@ class HeadWeighing:
             root = np.linalg.cholesky(C + _LEAST_C)
             places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
             free = free_of.log(places)
-            log, sees = self._weighed(places, free, direction, tables, views)
+            by = np.flatnonzero(showing.any(axis=1))  # the cameras that tell something
+            log, sees = self._weighed(places, free, direction, tables, [views[k] for k in by.tolist()])
             if number == 0:
-                showing = showing & sees
-            log = (log * showing[..., None]).sum(axis=0) + free
+                showing = written(np.zeros_like(showing), by, showing[by] & sees)
+            log = (log * showing[by, :, None]).sum(axis=0) + free
             power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None])
             weight = _normalized(log * (left * power)[:, None])
             left = left * (1 - power)
@@ -174,6 +175,8 @@ class HeadWeighing:
 
         free: log-probability that no other head is there.
         """
+        if not views:
+            return np.zeros((0, *free.shape)), np.zeros((0, len(free)), np.bool_)
         asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
         asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], direction[:, None]
         found = self._heads(views).log_likelihood([each.picture for each in views], asked, tables)
@@ -206,6 +209,8 @@ class HeadWeighing:
         """Weigh the directions of heads that pictures show, and learn the colours of those whose is known."""
         if not row.size:
             return heads
+        those = np.flatnonzero(in_view.any(axis=1))
+        in_view, views = in_view[those], [views[k] for k in those.tolist()]
         by, common, seen = self._heads(views), self._model.common, heads.select(row)
         at = np.repeat(np.concatenate([place.T, seen.direction[0][None]])[:, None], len(views), axis=1)
         look = by.close_look([each.picture for each in views], at)
@@ -245,8 +250,9 @@ class FreePlaces:
 
     def log(self, places: Float[Array, "k p 3"]) -> Float[Array, "k p"]:
         """Return ln of the probability that the head of none of the others is where one is sought."""
-        off = places[:, :, None, :2] - self.place
-        square = np.einsum("kpoa,oab,kpob->kpo", off, self.inverse, off)
+        x, y = (places[..., axis, None] - self.place[:, axis] for axis in (0, 1))
+        (xx, xy), (yx, yy) = self.inverse.transpose(1, 2, 0)
+        square = x * xx * x + x * xy * y + y * yx * x + y * yy * y
         taken = np.where(self.own, 0.0, self.peak * np.exp(-0.5 * square))
         return np.log1p(-np.minimum(taken, 1 - _LEAST_FREE)).sum(axis=2)
 

@@ -134,7 +134,7 @@ class IdentityMemory:
     def _left_of(self, people: People, ns: int) -> People:
         """Return who has left lately enough, none at first."""
         if self._left is None:
-            return people.select(np.zeros(len(people), np.bool_))
+            self._left = people.select(np.zeros(len(people), np.bool_))
         return self._left.select(ns - self._left.roster.measured_ns < self._options.recall_s * NS_PER_S)
 
 

@@ -88,6 +88,7 @@ def drifted(
     P, n = state.covariance, len(state)
     for _ in range(2):  # F P, then F (F P)ᵀ: products of matrices of each track
         P = (P.transpose(3, 1, 2, 0).reshape(n, -1, 9) @ F.T).reshape(n, 9, -1, 9).transpose(1, 3, 2, 0)
+    P = np.ascontiguousarray(P)
     P[range(4, 9), range(4, 9)] += ((1 - kept**2) * variance_m2)[:, None]
     return ImmState(mean, P, state.probability)
 

@@ -166,6 +166,17 @@ class BearingGrid:
         return ((bearing_rad - self._origin_rad + half_rad) % (2 * pi) - half_rad) / self.step_rad
 
 
+@lru_cache(maxsize=8)
+def _reaches(scan: LaserScan) -> Float[Array, "n_padded"]:
+    """Return how far each beam reaches [m], and those next to either end; read-only, kept for the last few scans."""
+    reach_m = np.zeros(scan.ranges_m.size + 2)  # beside the scan nothing is detected
+    np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))
+    if beams_of_turn(scan) is not None:
+        reach_m[0], reach_m[-1] = reach_m[-2], reach_m[1]
+    reach_m.flags.writeable = False
+    return reach_m
+
+
 ACROSS = np.array([-1.0, 0.0, 1.0])
 """Positions across a body, in half its width, at which beams are tested."""
 
@@ -213,11 +224,7 @@ class DetectionModel:
 
     def seen(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that a body with its axis at room points would have been detected."""
-        options, count = self.options, scan.ranges_m.size
-        reach_m = np.zeros(count + 2)  # beside the scan nothing is detected
-        np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))
-        if beams_of_turn(scan) is not None:
-            reach_m[0], reach_m[-1] = reach_m[-2], reach_m[1]
+        options, count, reach_m = self.options, scan.ranges_m.size, _reaches(scan)
         # bearings relative to the middle beam wrap around behind it
         middle = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
         if middle != self._middle_rad:

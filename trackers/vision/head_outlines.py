@@ -113,7 +113,7 @@ def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: t
     pixels = pixels.reshape(c, 2, 3, k).transpose(1, 2, 0, 3).reshape(2, 3, n).astype(np.float32)
     across, down = pixels[:, 1] - pixels[:, 0], pixels[:, 2] - pixels[:, 0]
     seen = shown[:, :k].ravel() & np.isfinite(across[0] + down[0])  # row and column are known together
-    root = np.stack([xx, xy, yy, xz, yz, zz])
+    root = np.array([xx, xy, yy, xz, yz, zz])
     return Outlines(pixels[:, 0], across, down, seen, range_m, root, facing, -np.arcsin(sine))
 
 

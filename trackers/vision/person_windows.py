@@ -192,9 +192,9 @@ class ShownPlaces:
         low = np.floor(at)
         x, y = at - low
         column, row = low.astype(np.intp)
-        columns = np.stack([column, column + 1, column, column + 1]) % _CELLS
-        rows = np.stack([row, row, row + 1, row + 1]) % _CELLS
-        return columns, rows, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
+        columns = np.array([column, column + 1, column, column + 1]) % _CELLS
+        rows = np.array([row, row, row + 1, row + 1]) % _CELLS
+        return columns, rows, np.array([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
 
 
 def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k"]:
