@@ -130,7 +130,7 @@ class Agreement:
     @staticmethod
     def _median(values: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
         """Return the lower median over the others of each source; 0 where fewer than two are known."""
-        count = np.count_nonzero(known, axis=1)
+        count = known.sum(axis=1)
         if count.max(initial=0) < 2:
             return np.zeros(len(values))
         ordered = np.sort(np.where(known, values, np.inf), axis=1)  # the known ones first

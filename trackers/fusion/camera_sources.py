@@ -128,7 +128,8 @@ class Silhouettes(CameraSource):
         return self.looked(position, covariance, starts, np.full(len(position), -1), OUTLINE, expected, ns)
 
     def _in_plain_sight(self, place: Float[Array, "k 2"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
-        return super()._in_plain_sight(place, crowns) & self._detector.places.shows(place)
+        visible = super()._in_plain_sight(place, crowns)
+        return visible & self._detector.places.shows(place) if visible.any() else visible
 
     def _error(self, place: Float[Array, "k 2"]) -> Float[Array, "k 2 2"]:
         """Return covariances of places by silhouettes [m²]: the flatter a camera looks, the less it tells how far."""

@@ -97,7 +97,10 @@ class Camera:
 
     def sees(self, points: Float[Array, "k 3"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         """Mark points [m] in the picture that neither the room nor another person below these crowns [m] hides."""
-        return self.is_clear(points, crowns) & (self.shown.share(points[:, :2]) > _HARDLY)
+        clear = self.is_clear(points, crowns)
+        if clear.any():
+            clear &= self.shown.share(points[:, :2]) > _HARDLY
+        return clear
 
     def is_clear(self, points: Float[Array, "k 3"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         """Mark points [m] in the picture that neither the known room nor a person below the crowns [m] hides."""
@@ -129,6 +132,8 @@ class Camera:
         """
         found, clear = np.zeros((len(crowns), self.n_colour)), np.zeros(len(crowns), np.bool_)
         row = np.flatnonzero(asked)
+        chest = np.column_stack([crowns[row, :2], 0.65 * stature_m[row]])
+        row = row[self.sees(chest, crowns)]
         if not row.size:
             return found, clear
         place, stature_m = crowns[row, :2], stature_m[row]
@@ -140,8 +145,7 @@ class Camera:
         pixels, inside = self.camera.project(points)
         column, line = (np.where(inside, pixels[..., axis], 0.0).round().astype(np.intp) for axis in (0, 1))
         inside &= self.picture.mask[line, column]
-        chest = np.column_stack([place, 0.65 * stature_m])
-        seen = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, crowns)
+        seen = inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES
         clear[row] = seen
         found[clear] = self._histogram.of_windows(self._rgb, pixels[seen], inside[seen])
         return found, clear

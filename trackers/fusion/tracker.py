@@ -123,14 +123,13 @@ class Fusion(SynchronizedTracker):
         if ns is None or not len(people):
             return []
         rows = np.flatnonzero(self._manager.to_report(people, ns))
-        people = people.select(rows[people.roster.id[rows].argsort()])
-        position, velocity, heads = people.positions, people.velocity, people.heads
-        radius_m = radius_containing(people.state, position, 0.95, people.offset_m2)
-        shown = ns - heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
-        head = np.where(shown[:, None], np.column_stack([people.head, heads.direction[0]]), nan)
-        fresh = self._manager.is_fresh(people, ns).tolist()
-        values = np.column_stack([position, velocity, np.full(len(people), nan), head]).tolist()
-        each = zip(people.roster.id.tolist(), values, fresh, radius_m.tolist(), strict=True)
+        rows = rows[people.roster.id[rows].argsort()]
+        radius_m = radius_containing(people.state, people.positions, 0.95, people.offset_m2)
+        shown = ns - people.heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
+        head = np.where(shown[:, None], np.column_stack([people.head, people.heads.direction[0]]), nan)
+        fresh = self._manager.is_fresh(people, ns)[rows].tolist()
+        values = np.column_stack([people.positions, people.velocity, np.full(len(people), nan), head])[rows].tolist()
+        each = zip(people.roster.id[rows].tolist(), values, fresh, radius_m[rows].tolist(), strict=True)
         return [
             Track(number, *row, status="confirmed" if is_fresh else "coasting", radius95_m=radius)
             for number, row, is_fresh, radius in each
@@ -319,7 +318,9 @@ class Fusion(SynchronizedTracker):
         sigma_m = np.sqrt((covariance[:, 0, 0] + covariance[:, 1, 1]) / 2)
         asked = people.confirmed & own(head)
         in_view = np.array([each.sees(head, crowns) for each in cameras]) & asked
-        outlined = np.array([each.stands_alone(head, sigma_m, crowns) for each in cameras]) & in_view
+        views = zip(cameras, in_view, strict=True)
+        alone = [each.stands_alone(head, sigma_m, crowns) if of.any() else of for each, of in views]
+        outlined = np.array(alone) & in_view
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
         heads, row, place, R = self._weighing.updated(before, head, covariance, cameras, in_view, outlined, share, ns)

@@ -153,27 +153,30 @@ class Foreground:
 
     def _cleaned(self, changed: Bool[Mask, "height width"]) -> Bool[Mask, "height width"]:
         options = self.options
-        mask = changed.view(np.uint8)
-        mask = cv2.dilate(cv2.erode(mask, _disc(options.erode_px)), _disc(options.dilate_px))
-        if options.least_area_px <= 1:
-            return mask.astype(np.bool_)
-        left, top, width, height = cv2.boundingRect(mask)
-        there = slice(top, top + height), slice(left, left + width)
-        cleaned = np.zeros(mask.shape, np.bool_)
-        if width:
-            # regions that touch by a corner are one, so at most a quarter of the pixels; 16 bits are three times as fast
-            ltype = cv2.CV_16U if width * height < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
-            _, label, stats, _ = cv2.connectedComponentsWithStats(mask[there], connectivity=8, ltype=ltype)
-            kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
-            kept[0] = False  # background
-            if kept[1:].all():
-                cleaned[there] = mask[there] > 0
-            elif len(kept) <= FULL + 1:  # numpy's look-up of a whole picture is several times slower
-                table = np.pad(kept, (0, FULL + 1 - len(kept))).view(np.uint8)
-                cleaned[there] = cv2.LUT(np.asarray(label, np.uint8), table) > 0
-            else:
-                cleaned[there] = kept.take(np.asarray(label, np.intp))
-        return cleaned
+        mask = cv2.dilate(cv2.erode(changed.view(np.uint8), _disc(options.erode_px)), _disc(options.dilate_px))
+        mask = np.asarray(mask, np.uint8)
+        if options.least_area_px > 1:
+            _remove_small(mask, options.least_area_px)
+        return mask.view(np.bool_)
+
+
+def _remove_small(mask: UInt8[Bytes, "height width"], least_px: int) -> None:
+    """Set regions of ones of fewer pixels to 0; those that touch by a corner are one.
+
+    Pixels are counted by Pick's theorem: a polygon through the middles of its border's B pixels, of area A, holds A + B / 2 + 1,
+    and within a hole's there are A − B / 2 + 1. Where regions are few it takes a fraction of the time of labelling them.
+    """
+    outlines, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
+        return
+    outer, number = tree[0, :, 3], np.arange(len(outlines))  # around a hole, −1 for a region
+    area = np.array([cv2.contourArea(each) for each in outlines])
+    steps = np.array([len(each) if len(each) > 1 else 0 for each in outlines])
+    size = np.where(outer < 0, area + steps / 2 + 1, steps / 2 - area - 1)
+    region = np.where(outer < 0, number, outer)
+    small = (np.bincount(region, size, len(outlines)) < least_px)[region]
+    if small.any():
+        cv2.drawContours(mask, [outlines[k] for k in np.flatnonzero(small).tolist()], -1, 0, cv2.FILLED)
 
 
 def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
