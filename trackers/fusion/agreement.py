@@ -32,15 +32,18 @@ _FEWEST, _LEAST_M2_S2 = 12.0, 3.0
 _SUSPECT_M = 0.5
 """Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 
+_OF_OTHER = np.array([1.0, -1.0, -1.0, -1.0, 1.0])
+"""Signs of the sums of differences as of the other source."""
+
 
 class Agreement:
     """Keeps the differences between s sources; names: the sensors of each, for sentences."""
 
     def __init__(self, names: Sequence[Sequence[str]]) -> None:
         self._names, n = [" and ".join(each) for each in names], len(names)
-        self._n, self._off_m = np.zeros((n, n)), np.zeros((n, n, 2))
-        self._along, self._square = np.zeros((n, n)), np.zeros((n, n))
-        self._asked, self._shown = np.zeros(n), np.zeros(n)
+        self._sums, self._asked, self._shown = np.zeros((n, n, 5)), np.zeros(n), np.zeros(n)
+        self._n, self._off_m = self._sums[..., 0], self._sums[..., 1:3]
+        self._along, self._square = self._sums[..., 3], self._sums[..., 4]
         self._sigma_m = np.zeros(n)
         self._ns: int | None = None
         self.suspect: Bool[Mask, "s"] = np.zeros(n, np.bool_)
@@ -52,7 +55,7 @@ class Agreement:
         """Forget a share of all until stamp ns."""
         elapsed_s = 0.0 if self._ns is None else max(0.0, (ns - self._ns) / NS_PER_S)
         kept, self._ns = np.exp(-elapsed_s / _MEMORY_S), ns
-        for each in (self._n, self._off_m, self._along, self._square, self._asked, self._shown):
+        for each in (self._sums, self._asked, self._shown):
             each *= kept
 
     def take(
@@ -75,15 +78,10 @@ class Agreement:
         velocity = people.velocity[row, None]
         off = np.where(together[..., None], place[:, None] - people.seen_at[row] - since_s[..., None] * velocity, 0.0)
         square = np.where(together, (velocity**2).sum(axis=2), 0.0)
-        for matrix, value in (
-            (self._n, together.sum(axis=0)),
-            (self._off_m, off.sum(axis=0)),
-            (self._along, (off * velocity).sum(axis=(0, 2))),
-            (self._square, square.sum(axis=0)),
-        ):
-            sign = -1.0 if matrix is self._off_m or matrix is self._along else 1.0
-            matrix[number] += value
-            matrix[:, number] += sign * value
+        along = (off * velocity).sum(axis=(0, 2))
+        sums = np.column_stack([together.sum(axis=0), off.sum(axis=0), along, square.sum(axis=0)])
+        self._sums[number] += sums
+        self._sums[:, number] += _OF_OTHER * sums
 
     def take_shown(self, number: int, asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
         """Take in how probably source `number` would have shown each track that others show, and which it showed."""

@@ -47,6 +47,8 @@ _LEAST_GAIN = 0.1
 """And at least this share of what was known before: the sums over few points are not exact."""
 _PASSES, _LEAST_ESS = 3, 12.0
 """A likelihood is taken in at most so many parts, such that as many points count in each."""
+_POWERS = np.array([0.03, 0.1, 0.2, 0.4, 0.7, 1.0])
+"""Parts of a likelihood that may be taken."""
 _LEAST_FREE = 1e-3
 """Probability at least that a place where another's head is expected is free."""
 _LEAST_SHOWN = 0.4
@@ -259,9 +261,8 @@ class FreePlaces:
 
 def _tempered(log: Float[Array, "k p"]) -> Float[Array, "k"]:
     """Return the power of a likelihood at which enough points count (ESS, the effective sample size), at most 1."""
-    power = np.array([0.03, 0.1, 0.2, 0.4, 0.7, 1.0])
-    ess = 1 / (_normalized(log[:, None] * power[:, None]) ** 2).sum(axis=2)  # (k, powers)
-    return power[np.maximum((ess >= _LEAST_ESS).cumprod(axis=1).sum(axis=1) - 1, 0)]
+    ess = 1 / (_normalized(log[:, None] * _POWERS[:, None]) ** 2).sum(axis=2)  # (k, powers)
+    return _POWERS[np.maximum((ess >= _LEAST_ESS).cumprod(axis=1).sum(axis=1) - 1, 0)]
 
 
 def _normalized(log: Float[Array, "*n p"]) -> Float[Array, "*n p"]:

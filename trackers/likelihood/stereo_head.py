@@ -29,6 +29,7 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 _OF_SKIN, _IN_METRES = ("linear", "front", "behind"), ("linear", "most_m")
 _LOOKED_AT = 64
 """Number of points in the ellipse at the expected position of a head."""
+_SILHOUETTE = SilhouetteOptions()
 _NEAR_M = 0.2
 """Distance from the middle of a head up to which a pixel may be on it: noise and hair."""
 
@@ -198,8 +199,8 @@ class StereoHeads:
         options = self._options
         c, n, p = heads.shape[1:]
         seen_as = outlines(self._cameras, heads.reshape(4, c, n * p), options.semi_axes_m)
-        inner, silhouette = inner_points(options.points), options.silhouette or SilhouetteOptions()
-        pixels = pixels_in(pictures, seen_as, np.concatenate([inner, silhouette.outside()]))
+        inner, silhouette = inner_points(options.points), options.silhouette or _SILHOUETTE
+        pixels = pixels_in(pictures, seen_as, self._points)
         pixels, outside = pixels[: len(inner)], pixels[len(inner) :]
         colour, depth = np.zeros(c * n * p, np.float32), np.zeros(c * n * p, np.float32)
         if options.person_colour is not None and tables is not None:
@@ -270,6 +271,12 @@ class StereoHeads:
         camera, point, person = by_picture
         at = point, camera * shape[2] + person
         return np.stack([person, steps[at], pixels[at] & (COLOURS - 1)]).astype(np.intp)
+
+    @cached_property
+    def _points(self) -> Float[Array, "k 2"]:
+        """Points of and about the unit disc that are looked at: those in the ellipse, then those of the silhouette outside."""
+        outside = (self._options.silhouette or _SILHOUETTE).outside()
+        return np.concatenate([inner_points(self._options.points), outside])
 
     @cached_property
     def _steps_shown(self) -> Int32[AnyArray, "points aspects"]:
