@@ -43,7 +43,7 @@ _FUSION_AT = (
             _CAMERA.format("camera_2", "{xyz: [2.35, 1.95, 2.4], yaw_deg: -140, pitch_deg: 25}"),
         ),
     ),
-    ("in a hall with ten people", "<= 10", "library-hall", ("duration_s=30",)),
+    ("in a hall with ten people", "<= 10", "library-hall", ()),
 )
 """Places, targets [ms], scenarios and overrides."""
 _COAST_S = 1.5
