@@ -20,7 +20,8 @@ from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.sort import KalmanTracks, of_both_axes
 from trackers.tracking.roster import Roster, Stage, associate, left_over
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
 from trackers.tracks import Track
 from trackers.vision.front_end import FrontEndOptions, front_ends

@@ -24,7 +24,8 @@ from trackers.filters.rows import written
 from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd, Loads
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import TrackManager
 from trackers.tracks import Hypotheses, Track
 from trackers.vision.front_end import CalibrationMonitor, front_ends, projection_jacobian, silhouette_offsets

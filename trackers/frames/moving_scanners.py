@@ -31,7 +31,8 @@ from trackers.laser.legs.features import leg_clusters, own_samples
 from trackers.observations import LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Pose, Rig
 from trackers.tracking.missing_frames import FrameClock
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracks import Detection, TrackFrame
 
 ReportIn = Annotated[

@@ -34,6 +34,8 @@ _SURE = 0.9
 """Existence from which a track is confirmed."""
 _LEAST_CONFIRMED, _LEAST_TENTATIVE = 0.2, 0.05
 """Existence at which confirmed and tentative tracks end."""
+_LEAST_MISSED = 1e-3
+"""Probability at least that a source misses a person."""
 _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
 _SEAT_M = 0.2
@@ -172,7 +174,7 @@ class FusionTrackManager(TrackManager):
         def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             at = points.reshape(2, -1).T
             free = (clear_of(at, others, APART_M) & self.inside(at)).reshape(points.shape[1:])
-            return np.maximum(look.missed(points) ** share * free, 1e-3)
+            return np.maximum(look.missed(points) ** share * free, _LEAST_MISSED)
 
         state, along = people.state.select(row), people.velocity[row].T
         position = state.mean_over_modes[:2].T
@@ -192,6 +194,17 @@ class FusionTrackManager(TrackManager):
         )
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
+
+    def contradicted(self, people: People, number: int, missed: Float[Array, "n"], ns: int) -> People:
+        """Return the tracks, less likely to exist where source `number` does not show what others show at stamp ns.
+
+        missed: how probably it would not show each of them. Their places are known by what the others measured.
+        """
+        row = np.flatnonzero((people.roster.measured_ns == ns) & (people.seen_ns[:, number] < ns))
+        if not row.size:
+            return people
+        existence = existence_after_miss(people.existence[row], np.maximum(missed[row], _LEAST_MISSED), 0.0, np.inf)
+        return people.changed(existence=written(people.existence, row, existence))
 
     def without_noise(self, people: People, looks: dict[int, Look], ns: int) -> People:
         """Delete tentative tracks that scanners alone have shown, once each has scanned again and not shown them.

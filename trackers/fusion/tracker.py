@@ -40,7 +40,8 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig, RigSensor
 from trackers.tracking.roster import NEVER_NS
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.head_colours import SHIPPED, load_head_model
 
@@ -215,8 +216,9 @@ class Fusion(SynchronizedTracker):
         people = self._measured(people, paired, looks, ns)
         trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not suspect[k]]
         people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
-        for number, look in looks.items():
+        for (number, look), chance in zip(looks.items(), missed, strict=True):
             if not suspect[number]:
+                people = self._manager.contradicted(people, number, chance ** share[number], ns)
                 people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
         people = self._manager.without_noise(people, looks, ns)
         people = self._manager.initiated(people, looks, [each.column for each in paired], ns)

@@ -22,7 +22,8 @@ from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import measured_now
 from trackers.tracks import ScoreMap, Track, TrackFrame
 

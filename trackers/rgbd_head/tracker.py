@@ -33,7 +33,8 @@ from trackers.rgbd_head.head_tracks import HeadTrackManager, HeadTracks, Motion
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rig import Rig, StereoSensor
-from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.front_end import front_ends
 from trackers.vision.head_colours import SHIPPED, load_head_model

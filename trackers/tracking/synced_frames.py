@@ -6,26 +6,26 @@ Cameras and a slower pressure floor: the cameras trigger, with the floor's lates
 they trigger. Scanners and cameras that trigger in turn, each picture at its own stamp: all trigger, the scanners are `joined`.
 
 A frame is complete when every awaited sensor has reported, or when an observation at least `max_wait_s` newer has arrived;
-frames leave in order of time. So a silent sensor delays a tracker by little more than `max_wait_s`. Observations that arrive
-too late (their frame has left) or twice are dropped and counted, as are repetitions (`StaleFrameDetector`), whose frame
+frames leave in order of time. So a silent sensor delays a tracker by little more than `max_wait_s`. A sensor that keeps arriving
+after newer observations of others, since it is slow or another clock is ahead, is waited for by as much longer. What arrives too
+late (its frame has left) or twice is dropped and counted, as are repetitions (`StaleFrameDetector`), whose frame
 leaves nevertheless, unless the sensor is not yet due for a new reading: a driver may publish each scan twice.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import median_low
 
 from trackers.feeding import LATE, TWICE
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.missing_frames import GAPS, StaleFrameDetector
-from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 _DUE = 0.75
 """Share of a sensor's period after which a new reading is due."""
+_BEHIND_NS, _LAST, _FEWEST = NS_PER_S, 5, 3
+"""A sensor that stays behind the others by no more than this is waited for [ns]: by the median of its last observations, if so many."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
@@ -104,6 +104,8 @@ class FrameSynchronizer:
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
         self._waiting: list[Observation] = []  # those to attach, without a frame yet
+        self._heard_ns: dict[str, int] = {}  # newest stamp of each sensor
+        self._behind_ns: dict[str, deque[int]] = {}  # by how much its last observations came after newer ones of others
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
@@ -120,6 +122,8 @@ class FrameSynchronizer:
     def add(self, observation: Observation) -> list[SyncedFrame]:
         """Add an observation; return the frames now complete, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
+        if sensor in self._awaited:
+            self._learn_lag(sensor, ns)
         if sensor in rules.latest:
             self._hold(observation)
         elif sensor not in rules.triggers and sensor not in rules.attached:
@@ -141,7 +145,7 @@ class FrameSynchronizer:
 
     def finish(self) -> list[SyncedFrame]:
         """Return the waiting frames, oldest first; observations without a frame are dropped."""
-        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._max_wait_ns)
+        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._max_wait_ns + _BEHIND_NS)
         self._lose_alone(self._waiting)
         self._waiting = []
         return frames
@@ -160,6 +164,19 @@ class FrameSynchronizer:
             self._gaps_ns[sensor].append(gap_ns)
             seen_ns = (median_low(gaps) for gaps in self._gaps_ns.values() if gaps)
             self._within_ns = min(round(self._rules.period_s * NS_PER_S), *seen_ns) // 2
+
+    def _learn_lag(self, sensor: str, ns: int) -> None:
+        """Keep by how much an observation of stamp ns comes after the newest one of another sensor [ns]."""
+        others_ns = [newest for name, newest in self._heard_ns.items() if name != sensor]
+        self._heard_ns[sensor] = max(ns, self._heard_ns.get(sensor, ns))
+        if others_ns:
+            self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(max(max(others_ns) - ns, 0))
+
+    def _wait_ns(self, sensor: str) -> int:
+        """Return how long a sensor is waited for [ns]."""
+        behind_ns = self._behind_ns.get(sensor, ())
+        lag_ns = median_low(behind_ns) if len(behind_ns) >= _FEWEST else 0
+        return self._max_wait_ns + (lag_ns if lag_ns <= _BEHIND_NS else 0)
 
     def _came_too_late(self, sensor: str, ns: int) -> bool:
         left = self._left
@@ -236,7 +253,8 @@ class FrameSynchronizer:
         ready = []
         while self._pending:
             head = self._pending[0]
-            if newest_ns - head.ns < self._max_wait_ns and any(self._lacks(head, name) for name in self._awaited):
+            lacking = [name for name in self._awaited if self._lacks(head, name)]
+            if lacking and newest_ns - head.ns < max(map(self._wait_ns, lacking)):
                 break
             self._pending.pop(0)
             if self._left is not None and head.ns <= self._left.ns:
@@ -301,49 +319,3 @@ class FrameSynchronizer:
         for name, values in self._latest.items():
             n_before = sum(value.stamp_ns <= ns for value in values)
             self._latest[name] = values[max(n_before - 1, 0) :]
-
-
-class SynchronizedTracker(ABC):
-    """Base of trackers that declare a policy, process frames, and have tracks. Other sensors are ignored."""
-
-    takes_any_order = True  # the synchronizer waits for late observations and drops repeated ones
-
-    def __init__(self, rules: SyncPolicy) -> None:
-        self._synchronizer = FrameSynchronizer(rules)
-
-    @property
-    def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, without a frame to join, or stale."""
-        return self._synchronizer.discarded
-
-    @property
-    def losses(self) -> Mapping[tuple[str, str], int]:
-        """Dropped observations by sensor and reason."""
-        return self._synchronizer.losses
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Process one observation; return the completed frames, oldest first."""
-        return self._work_all(self._synchronizer.add(observation))
-
-    def finish(self) -> list[TrackFrame]:
-        """Return the remaining frames after the last observation."""
-        return self._work_all(self._synchronizer.finish())
-
-    @abstractmethod
-    def tracks(self) -> list[Track]:
-        """Return all tracks of the last frame."""
-
-    @abstractmethod
-    def _work(self, synced: SyncedFrame) -> None:
-        """Update the tracks by one frame."""
-
-    def _maps(self) -> tuple[ScoreMap | Hypotheses, ...]:
-        """Return the score maps or hypotheses of the last frame; by default none."""
-        return ()
-
-    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
-        frames = []
-        for synced in synced_frames:
-            self._work(synced)
-            frames.append(TrackFrame(synced.ns, tuple(self.tracks()), self._maps()))
-        return frames

@@ -54,6 +54,36 @@ def test_a_silent_sensor_costs_the_waiting_time_and_no_more():
     assert gather.losses.total() == 0
 
 
+@pytest.mark.parametrize("ahead_s", [0.17, 0.3, 0.5, 0.9])
+@pytest.mark.parametrize("behind", [("camera",), ("waist", "knee")])
+def test_a_sensor_that_stays_behind_is_waited_for_whichever_clock_is_wrong(ahead_s: float, behind: tuple[str, ...]):
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee", "camera"), joined=("waist", "knee")))
+    arrivals = [
+        (name, round(0.1 * k + (0.0 if name in behind or k < 10 else ahead_s), 3))
+        for k in range(60)
+        for name in ("waist", "knee", "camera")
+    ]
+    frames = left(gather, *arrivals) + gather.finish()
+    assert [frame.ns for frame in frames] == sorted({frame.ns for frame in frames})
+    assert gather.losses.total() <= (4 + 10 * ahead_s) * len(behind)  # until it is known
+    for name in behind:
+        assert sum(name in frame.observations for frame in frames) >= 56 - 10 * ahead_s
+
+
+def test_a_sensor_once_late_delays_no_frame():
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
+    arrivals = [(name, 0.1 * k) for k in range(20) for name in ("waist", "knee")]
+    fed(gather, *arrivals[:-1])
+    assert fed(gather, ("waist", 2.0), ("waist", 2.1), ("knee", 1.9)) == [(1.9, "w")]
+    assert gather.losses.total() == 1
+
+
+def test_a_sensor_whose_clock_is_hours_behind_holds_nobody_up():
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
+    arrivals = [("waist", 3600 + 0.1 * k) if j else ("knee", 0.1 * k) for k in range(20) for j in (1, 0)]
+    assert sum("w" in sensors for _, sensors in fed(gather, *arrivals)) >= 17
+
+
 def test_late_and_double_observations_are_dropped_and_counted():
     gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
     assert fed(gather, ("waist", 1.0), ("waist", 1.0)) == []  # twice while it waits
