@@ -25,7 +25,7 @@ from trackers.tracking.missing_frames import GAPS, StaleFrameDetector
 _DUE = 0.75
 """Share of a sensor's period after which a new reading is due."""
 _BEHIND_NS, _LAST, _FEWEST = NS_PER_S, 5, 3
-"""A sensor that stays behind the others by no more than this is waited for [ns]: by the median of its last observations, if so many."""
+"""A sensor that stays behind the others by no more than this is waited for [ns]; known by the median of so many observations."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
