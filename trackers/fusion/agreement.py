@@ -8,6 +8,7 @@ alone it is unknown which one is wrong, and neither is. One that hardly shows pe
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,6 +18,8 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.fusion.look import Look
 from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
+
+logger = logging.getLogger(__name__)
 
 _MEMORY_S = 4.0
 """Time constant of forgetting [s]."""
@@ -112,11 +115,13 @@ class Agreement:
         return replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
 
     def found(self) -> list[str]:
-        """Judge the sources; return what of the suspect ones contradicts the others, and was not known before."""
+        """Judge the sources; warn of, and return, what of the suspect ones contradicts the others and was not known before."""
         hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
         self.suspect = (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
         new = {k: self._sentence(k) for k in np.flatnonzero(self.suspect).tolist() if k not in self.findings}
         self.findings |= new
+        for sentence in new.values():
+            logger.warning(sentence)
         return list(new.values())
 
     def _sentence(self, number: int) -> str:

@@ -11,7 +11,6 @@ thousandth of the cost, and the one likelihood that is none, a picture's of a he
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 from math import nan
 from typing import Any
@@ -44,8 +43,6 @@ from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synchronized_tracker import SynchronizedTracker
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.head_colours import SHIPPED, load_head_model
-
-logger = logging.getLogger(__name__)
 
 _LEAST_SHARE = 0.02
 _NEAR_TURN = 0.75
@@ -211,8 +208,7 @@ class Fusion(SynchronizedTracker):
         self._agreement.age(ns)
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
-        for sentence in self._agreement.found():
-            logger.warning(sentence)
+        self._agreement.found()
         people = self._measured(people, paired, looks, ns)
         trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not suspect[k]]
         people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
