@@ -62,6 +62,18 @@ def test_a_stamp_far_ahead_holds_nobody_back() -> None:
     assert order.discarded == 0
 
 
+@given(st.floats(0.35, 0.95), st.booleans())
+def test_a_sensor_that_stays_behind_is_waited_for_whichever_clock_is_wrong(ahead_s: float, knee: bool) -> None:
+    arriving = [
+        scan(0.1 * k + (ahead_s if (sensor == "knee") == knee else 0.0), sensor)
+        for k in range(60)
+        for sensor in RIG.sensors
+    ]
+    left, order = ordered(arriving)
+    assert order.discarded <= 4 + 10 * ahead_s  # until it is known
+    assert len(left) == len(arriving) - order.discarded
+
+
 class Counting:
     """Reports where it stands after each observation."""
 

@@ -18,14 +18,12 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from statistics import median_low
 
-from trackers.feeding import LATE, TWICE
+from trackers.feeding import LATE, TWICE, ArrivalLags
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.missing_frames import GAPS, StaleFrameDetector
 
 _DUE = 0.75
 """Share of a sensor's period after which a new reading is due."""
-_BEHIND_NS, _LAST, _FEWEST = NS_PER_S, 5, 3
-"""A sensor that stays behind the others by no more than this is waited for [ns]; known by the median of so many observations."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
@@ -104,8 +102,7 @@ class FrameSynchronizer:
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
         self._waiting: list[Observation] = []  # those to attach, without a frame yet
-        self._heard_ns: dict[str, int] = {}  # newest stamp of each sensor
-        self._behind_ns: dict[str, deque[int]] = {}  # by how much its last observations came after newer ones of others
+        self._lags = ArrivalLags()
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
@@ -123,7 +120,7 @@ class FrameSynchronizer:
         """Add an observation; return the frames now complete, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
         if sensor in self._awaited:
-            self._learn_lag(sensor, ns)
+            self._lags.add(sensor, ns)
         if sensor in rules.latest:
             self._hold(observation)
         elif sensor not in rules.triggers and sensor not in rules.attached:
@@ -145,7 +142,8 @@ class FrameSynchronizer:
 
     def finish(self) -> list[SyncedFrame]:
         """Return the waiting frames, oldest first; observations without a frame are dropped."""
-        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._max_wait_ns + _BEHIND_NS)
+        waited_ns = self._max_wait_ns + self._lags.longest
+        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + waited_ns)
         self._lose_alone(self._waiting)
         self._waiting = []
         return frames
@@ -164,19 +162,6 @@ class FrameSynchronizer:
             self._gaps_ns[sensor].append(gap_ns)
             seen_ns = (median_low(gaps) for gaps in self._gaps_ns.values() if gaps)
             self._within_ns = min(round(self._rules.period_s * NS_PER_S), *seen_ns) // 2
-
-    def _learn_lag(self, sensor: str, ns: int) -> None:
-        """Keep by how much an observation of stamp ns comes after the newest one of another sensor [ns]."""
-        others_ns = [newest for name, newest in self._heard_ns.items() if name != sensor]
-        self._heard_ns[sensor] = max(ns, self._heard_ns.get(sensor, ns))
-        if others_ns:
-            self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(max(max(others_ns) - ns, 0))
-
-    def _wait_ns(self, sensor: str) -> int:
-        """Return how long a sensor is waited for [ns]."""
-        behind_ns = self._behind_ns.get(sensor, ())
-        lag_ns = median_low(behind_ns) if len(behind_ns) >= _FEWEST else 0
-        return self._max_wait_ns + (lag_ns if lag_ns <= _BEHIND_NS else 0)
 
     def _came_too_late(self, sensor: str, ns: int) -> bool:
         left = self._left
@@ -254,7 +239,7 @@ class FrameSynchronizer:
         while self._pending:
             head = self._pending[0]
             lacking = [name for name in self._awaited if self._lacks(head, name)]
-            if lacking and newest_ns - head.ns < max(map(self._wait_ns, lacking)):
+            if lacking and newest_ns - head.ns < self._max_wait_ns + max(map(self._lags.of, lacking)):
                 break
             self._pending.pop(0)
             if self._left is not None and head.ns <= self._left.ns:
