@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import heapq
 import reprlib
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from statistics import median_low
 from typing import Any
 
+from trackers.arrival_order import StampOrder
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import Rig, RigSensor, check_arguments
 from trackers.tracks import (
     Detection,
@@ -29,98 +28,8 @@ from trackers.tracks import (
     warn_user,
 )
 
-MAX_WAIT_S = 0.3
-"""Greatest time that an observation waits for older ones [s]: two and a half scans at 10 Hz."""
-
 NOTED_LOSS = 0.02
 """Share of dropped observations above which a warning is due."""
-
-LATE = "too late: newer ones had been worked"
-TWICE = "twice under one stamp"
-"""Reasons for which observations are dropped, see `trackers.tracks.Reporting.losses`."""
-
-_MOST_LAG_NS, _LAST, _FEWEST = NS_PER_S, 5, 3
-"""Lag of a sensor up to which it is waited for [ns]; and of how many of its last observations the median tells it, at least."""
-
-
-class ArrivalLags:
-    """Lag of each sensor: by how much its observations keep arriving after newer ones of others [ns].
-
-    It is slow, or another one's clock is ahead. Once late is no lag, and stamps of another day are none that one could wait for.
-    """
-
-    def __init__(self) -> None:
-        self._heard_ns: dict[str, int] = {}  # newest stamp of each sensor
-        self._behind_ns: dict[str, deque[int]] = {}
-
-    def add(self, sensor: str, ns: int) -> None:
-        """Take in the stamp of an observation that arrives."""
-        others_ns = [newest_ns for name, newest_ns in self._heard_ns.items() if name != sensor]
-        self._heard_ns[sensor] = max(ns, self._heard_ns.get(sensor, ns))
-        if others_ns:
-            self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(max(max(others_ns) - ns, 0))
-
-    def of(self, sensor: str) -> int:
-        """Return the lag of a sensor [ns]; 0 while it is not known."""
-        behind_ns = self._behind_ns.get(sensor, ())
-        lag_ns = median_low(behind_ns) if len(behind_ns) >= _FEWEST else 0
-        return lag_ns if lag_ns <= _MOST_LAG_NS else 0
-
-    @property
-    def longest(self) -> int:
-        """The longest lag of any sensor [ns]."""
-        return max(map(self.of, self._behind_ns), default=0)
-
-
-class StampOrder:
-    """Sorter of observations from order of arrival to order of stamps.
-
-    An observation leaves when another at least `MAX_WAIT_S` newer has arrived, and by as much more as a sensor lags; equal stamps
-    leave in order of arrival. One that arrives after a newer one has left, or twice, is dropped and counted in `losses`, by
-    sensor and reason. Stamps are on one clock: the decoder of messages adds the rig's time offsets.
-    """
-
-    def __init__(self) -> None:
-        self._held: list[tuple[int, int, Observation]] = []  # a heap by stamp, then arrival
-        self._arrived = 0
-        self._newest_ns: int | None = None
-        self._left_ns: int | None = None  # stamp of the last one that left
-        self._lags = ArrivalLags()
-        self._known: set[tuple[int, str]] = set()  # stamps and sensors waiting, and those that left at the last stamp
-        self.losses: Counter[tuple[str, str]] = Counter()
-
-    @property
-    def discarded(self) -> int:
-        """Number of dropped observations."""
-        return self.losses.total()
-
-    def add(self, observation: Observation) -> list[Observation]:
-        """Add an observation; return those that may leave now, oldest first."""
-        ns, key = observation.stamp_ns, (observation.stamp_ns, observation.sensor)
-        self._lags.add(observation.sensor, ns)
-        is_late = self._left_ns is not None and ns < self._left_ns
-        if is_late or key in self._known:
-            self.losses[observation.sensor, LATE if is_late else TWICE] += 1
-            return []
-        self._known.add(key)
-        heapq.heappush(self._held, (ns, self._arrived, observation))
-        self._arrived += 1
-        self._newest_ns = ns if self._newest_ns is None else max(ns, self._newest_ns)
-        return self._leave(self._newest_ns - round(MAX_WAIT_S * NS_PER_S) - self._lags.longest)
-
-    def finish(self) -> list[Observation]:
-        """Return the waiting observations at the end, oldest first."""
-        return self._leave(None)
-
-    def _leave(self, until_ns: int | None) -> list[Observation]:
-        """Release waiting observations of stamps up to this one [ns] (None: all)."""
-        leaving = []
-        while self._held and (until_ns is None or self._held[0][0] <= until_ns):
-            leaving.append(heapq.heappop(self._held)[2])
-        if leaving:
-            left_ns = self._left_ns = leaving[-1].stamp_ns
-            self._known = {key for key in self._known if key[0] >= left_ns}
-        return leaving
 
 
 class FedTracker:

@@ -80,8 +80,8 @@ _BY_FILE = {
     "trackers/area.py": [
         ("margin not squared", "Area._exactly", "self._margin_m ** 2", "self._margin_m"),
     ],
-    "trackers/feeding.py": [
-        ("holds nothing back", "StampOrder.add", "_A - _B", "_A"),
+    "trackers/arrival_order.py": [
+        ("holds nothing back", "StampOrder.add", "_A - _B - _C", "_A"),
     ],
     "trackers/laser/background.py": [
         ("memory fades forwards", "LearnedBackground._learn", "_A / _B", "-_A / _B"),

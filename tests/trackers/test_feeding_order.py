@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 from hypothesis import given, strategies as st
 
-from trackers.feeding import MAX_WAIT_S, FedTracker, StampOrder, track_frames
+from trackers.arrival_order import MAX_WAIT_S, StampOrder
+from trackers.feeding import FedTracker, track_frames
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import LaserSensor, Rig
 from trackers.tracks import Track

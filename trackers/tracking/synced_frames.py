@@ -18,7 +18,7 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from statistics import median_low
 
-from trackers.feeding import LATE, TWICE, ArrivalLags
+from trackers.arrival_order import LATE, TWICE, ArrivalLags
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.missing_frames import GAPS, StaleFrameDetector
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackers.arrays import Array, Index, Nanoseconds
-from trackers.feeding import MAX_WAIT_S, NOTED_LOSS
+from trackers.arrival_order import MAX_WAIT_S
+from trackers.feeding import NOTED_LOSS
 from trackers.observations import NS_PER_S
 from twin.recording.losses import Loss
 from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, MessageTimes, SensorClock

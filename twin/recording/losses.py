@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from trackers.area import rotation_angles
 from trackers.arrays import Nanoseconds
-from trackers.feeding import LATE, NOTED_LOSS
+from trackers.arrival_order import LATE
+from trackers.feeding import NOTED_LOSS
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan, Observation, Odometry
 
 _GAP = 1.75

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array, Index, Mask, Nanoseconds
-from trackers.feeding import MAX_WAIT_S
+from trackers.arrival_order import MAX_WAIT_S
 from trackers.observations import NS_PER_S
 from twin.recording.bags.bag import Bag, Copies, header_of
 from twin.recording.ros.ros_messages import LASER_SCAN

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 from recorded import MS, a_scan, write_ros2_bag
 
+from trackers.arrival_order import LATE
 from trackers.errors import InputError
-from trackers.feeding import LATE
 from trackers.rig import LaserSensor, Rig
 from trackers.tracks import Track, TrackFrame
 from twin.recording.losses import dropped_by, lines

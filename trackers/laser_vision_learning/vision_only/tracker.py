@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.arrival_order import LATE
 from trackers.configuration import validate
 from trackers.errors import InputError, valid_names
-from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, MixtureProposal, ParticleFilter
 from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
