@@ -53,10 +53,13 @@ _LEAST_FREE = 1e-3
 """Probability at least that a place where another's head is expected is free."""
 _LEAST_SHOWN = 0.4
 """Share of foreground in an ellipse times that of background over it, from which a head is seen."""
-_TURNS_RAD2_S = 0.6
+_TURNS_RAD2_S = 2.0
 """Variance by which a direction spreads in a second [rad²/s]."""
 _AHEAD, _WALKS_M_S = 4.0, 0.4
 """Concentration about the way, per second, of the direction that people face who walk faster than this [m/s]."""
+_TURNED_S, _MOST_TURNED_S = 0.2, 0.4
+"""Walkers who face ahead for so long tell which side of a head is the face, and who face backwards that colours were learned the
+wrong way round; they tell no more than in the last time [s]."""
 _OVERDUE_S = 1.0
 """A head that pictures should have shown for longer, and none has, is not where it is expected [s]."""
 _EVIDENCE = StereoHeadOptions(
@@ -75,13 +78,14 @@ class Heads(Rows):
     seen_ns: Int[Index, "n"]
     not_due_ns: Int[Index, "n"]  # stamp of the last picture that showed the head, or could not be expected to
     colours: HeadColours
+    ahead_s: Float[Array, "n"]  # for how long people have walked facing ahead, less facing backwards [s]
 
     @classmethod
     def over(cls, n: int) -> Self:
         """Make n heads that nobody has seen, over their bodies."""
         facing = np.full((n, ASPECTS[0]), 1 / ASPECTS[0])
         never = np.full(n, NEVER_NS)
-        return cls(facing, never, never, HeadColours.unknown(n))
+        return cls(facing, never, never, HeadColours.unknown(n), np.zeros(n))
 
     @property
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
@@ -90,13 +94,24 @@ class Heads(Rows):
         return np.angle(resultant), np.abs(resultant)
 
     def turned(self, dt: float, velocity: Float[Array, "n 2"]) -> Self:
-        """Return the directions `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face."""
+        """Return the directions `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face.
+
+        Colours learned of the back of a head for its face confirm themselves: those of who walks backwards are forgotten.
+        """
         spread = _turned(_TURNS_RAD2_S * dt)
         facing = np.maximum(np.fft.irfft(np.fft.rfft(self.facing, axis=1) * spread, ASPECTS[0], axis=1), 1e-12)
-        speed = np.hypot(*velocity.T)
+        walks = np.hypot(*velocity.T) > _WALKS_M_S
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
-        facing = facing * np.exp(_AHEAD * dt * np.where(speed > _WALKS_M_S, 1.0, 0.0)[:, None] * ahead)
-        return self.changed(facing=facing / facing.sum(axis=1, keepdims=True))
+        along = facing * np.exp(_AHEAD * dt * walks[:, None] * ahead)
+        faces_ahead = np.sign((facing * ahead).sum(axis=1))
+        ahead_s = np.minimum(self.ahead_s + np.where(walks, faces_ahead * dt, 0.0), _MOST_TURNED_S)
+        misled = ahead_s < -_TURNED_S
+        along = np.where(misled[:, None], np.exp(_AHEAD * ahead), along)
+        return self.changed(
+            facing=along / along.sum(axis=1, keepdims=True),
+            ahead_s=np.where(misled, 0.0, ahead_s),
+            colours=self.colours.forgotten(misled),
+        )
 
     def awaited(self, due: Bool[Mask, "n"], ns: int) -> tuple[Self, Bool[Mask, "n"]]:
         """Return the heads after a stamp whose pictures did not show those due, and which of them must be elsewhere."""
@@ -208,7 +223,7 @@ class HeadWeighing:
         in_view: Bool[Mask, "c k"],
         share: Float[Array, "k"],
     ) -> Heads:
-        """Weigh the directions of heads that pictures show, and learn the colours of those whose is known."""
+        """Weigh the directions of heads that pictures show, and learn the colours of those whose is known, of who has walked."""
         if not row.size:
             return heads
         those = np.flatnonzero(in_view.any(axis=1))
@@ -219,7 +234,7 @@ class HeadWeighing:
         log = by.facing(look, tables)
         facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
-        sure = seen.direction[1] > _SURE
+        sure = (seen.direction[1] > _SURE) & (seen.ahead_s > _TURNED_S)
         person, step, colour = by.colours_on(look, sure & in_view)
         seen = seen.changed(colours=seen.colours.learned(person, step, colour, common))
         return heads.replaced(row, seen)

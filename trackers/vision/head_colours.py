@@ -89,6 +89,12 @@ class HeadColours(Rows):
         """Return the same in single precision, as sent to cameras."""
         return ExpectedColours(*(each.astype(np.float32) for each in self.shares(common)))
 
+    def forgotten(self, those: Bool[Mask, "n"]) -> HeadColours:
+        """Return the colours without what was learned of those marked."""
+        if not those.any():
+            return self
+        return self.replaced(those, HeadColours.unknown(np.count_nonzero(those)))
+
     def learned(
         self,
         person: Int[Index, "k"],

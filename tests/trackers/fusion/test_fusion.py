@@ -18,7 +18,7 @@ from trackers.feeding import track_frames
 from trackers.filters.imm import Imm, ImmState
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import pair
-from trackers.fusion.heads import FreePlaces, gained, sights_of_one, unit_points
+from trackers.fusion.heads import FreePlaces, Heads, gained, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, LEGS, PersonMotion
@@ -28,6 +28,7 @@ from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import Rig
+from trackers.vision.head_colours import COLOURS
 
 WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
 
@@ -111,6 +112,26 @@ def test_a_camera_that_hangs_elsewhere_is_named() -> None:
     list(track_frames(tracker, on, seen))
     assert any("camera" in each for each in tracker.warnings)  # pyright: ignore[reportAttributeAccessIssue]
     assert make_tracker("fusion", *recording("laser")[:2]).warnings == []  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_who_walks_backwards_has_been_learned_the_wrong_way_round() -> None:
+    """Colours of face and hair are forgotten within half a second, and the head faces the way; a walker's ahead stay."""
+    heads = Heads.over(3)
+    colours = heads.colours.learned(
+        np.arange(3), np.zeros(3, np.intp), np.full(3, 5), np.full((2, COLOURS), 1 / COLOURS)
+    )
+    east, west = (np.exp(8 * np.cos((np.arange(72) + 0.5) * np.pi / 36 - at)) for at in (0.0, np.pi))
+    facing = np.array([east, west, west])
+    heads = heads.changed(facing=facing / facing.sum(axis=1, keepdims=True), colours=colours)
+    velocity = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])  # ahead, backwards, standing
+    for _ in range(5):
+        heads = heads.turned(0.1, velocity).changed(facing=heads.facing)  # pictures that insist
+    assert (heads.colours.hair.sum(axis=1) > 0).tolist() == [True, False, True]
+    heads = heads.changed(facing=facing)
+    for _ in range(5):
+        heads = heads.turned(0.1, velocity)
+    np.testing.assert_allclose(heads.direction[0][:2], 0.0, atol=0.1)
+    assert abs(heads.direction[0][2]) > 3.0
 
 
 def test_a_source_that_does_not_show_what_another_one_shows_tells_so_at_any_stamp() -> None:
