@@ -91,9 +91,8 @@ class HeadColours(Rows):
 
     def forgotten(self, those: Bool[Mask, "n"]) -> HeadColours:
         """Return the colours without what was learned of those marked."""
-        if not those.any():
-            return self
-        return self.replaced(those, HeadColours.unknown(np.count_nonzero(those)))
+        keeps = ~those[:, None]
+        return HeadColours(self.face * keeps, self.hair * keeps) if those.any() else self
 
     def learned(
         self,
