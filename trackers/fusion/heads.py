@@ -176,7 +176,7 @@ class HeadWeighing:
         along = sights_of_one(showing[:, here], mean[here], eyes_m, np.array(flat))
         row = row[here]
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
-        heads = self._faced(heads, row, mean[here], tables[here], views, in_view[:, row], share[row])
+        heads = self._faced(heads, row, mean[here], views, in_view[:, row], share[row])
         place, R = gained(*(each[here] for each in (*before, mean, C)))
         return heads, row, place, R + _ALONG_M**2 * along[:, :, None] * along[:, None]
 
@@ -218,12 +218,15 @@ class HeadWeighing:
         heads: Heads,
         row: Int[Index, "k"],
         place: Float[Array, "k 3"],
-        tables: Float[Singles, "k entries"],
         views: Sequence[Camera],
         in_view: Bool[Mask, "c k"],
         share: Float[Array, "k"],
     ) -> Heads:
-        """Weigh the directions of heads that pictures show, and learn the colours of those whose is known, of who has walked."""
+        """Weigh the directions of heads that pictures show, and learn the colours of those whose is known.
+
+        Until people have walked facing ahead, the common colours of faces and hair tell their direction: what was learned of a
+        face may be of a back.
+        """
         if not row.size:
             return heads
         those = np.flatnonzero(in_view.any(axis=1))
@@ -231,10 +234,11 @@ class HeadWeighing:
         by, common, seen = self._heads(views), self._model.common, heads.select(row)
         at = np.repeat(np.concatenate([place.T, seen.direction[0][None]])[:, None], len(views), axis=1)
         look = by.close_look([each.picture for each in views], at)
-        log = by.facing(look, tables)
+        known = seen.colours.forgotten(seen.ahead_s <= _TURNED_S)
+        log = by.facing(look, known.expected(common).tables)
         facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
-        sure = (seen.direction[1] > _SURE) & (seen.ahead_s > _TURNED_S)
+        sure = seen.direction[1] > _SURE
         person, step, colour = by.colours_on(look, sure & in_view)
         seen = seen.changed(colours=seen.colours.learned(person, step, colour, common))
         return heads.replaced(row, seen)
