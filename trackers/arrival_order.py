@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter, deque
-from statistics import median_low
+from collections.abc import Iterable
 
 from trackers.observations import NS_PER_S, Observation
 
@@ -15,8 +15,10 @@ LATE = "too late: newer ones had been worked"
 TWICE = "twice under one stamp"
 """Reasons for which observations are dropped, see `trackers.tracks.Reporting.losses`."""
 
-_MOST_LAG_NS, _LAST, _FEWEST = NS_PER_S, 5, 3
-"""Lag of a sensor up to which it is waited for [ns]; and of how many of its last observations the median tells it, at least."""
+_MOST_LAG_NS, _LAST = NS_PER_S, 10
+"""Lag of a sensor up to which it is waited for [ns], and of how many of its last observations the second largest tells it."""
+_SILENT_NS = 3 * NS_PER_S
+"""A sensor is waited for no more once another has gone on for so long without it [ns]."""
 
 
 class ArrivalLags:
@@ -27,25 +29,31 @@ class ArrivalLags:
 
     def __init__(self) -> None:
         self._heard_ns: dict[str, int] = {}  # newest stamp of each sensor
+        self._heard_then_ns: dict[str, dict[str, int]] = {}  # the same, as of each sensor's last observation
         self._behind_ns: dict[str, deque[int]] = {}
 
     def add(self, sensor: str, ns: int) -> None:
         """Take in the stamp of an observation that arrives."""
-        others_ns = [newest_ns for name, newest_ns in self._heard_ns.items() if name != sensor]
-        self._heard_ns[sensor] = max(ns, self._heard_ns.get(sensor, ns))
-        if others_ns:
-            self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(max(max(others_ns) - ns, 0))
+        before_ns = self._heard_ns.get(sensor, ns)
+        self._heard_ns[sensor] = ns if before_ns - ns > _MOST_LAG_NS else max(ns, before_ns)
+        ahead_ns = [newest_ns - ns for name, newest_ns in self._heard_ns.items() if name != sensor]
+        if ahead_ns:
+            behind_ns = max((each for each in ahead_ns if 0 < each <= _MOST_LAG_NS), default=0)
+            self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(behind_ns)
+        self._heard_then_ns[sensor] = dict(self._heard_ns)
 
-    def of(self, sensor: str) -> int:
-        """Return the lag of a sensor [ns]; 0 while it is not known."""
+    def beyond(self, wait_ns: int, sensors: Iterable[str] | None = None) -> int:
+        """Return the longest lag of some sensors (None: of any) [ns]; 0 if no longer than a wait [ns]."""
+        lag_ns = max(map(self._of, self._behind_ns if sensors is None else sensors), default=0)
+        return lag_ns if lag_ns > wait_ns else 0
+
+    def _of(self, sensor: str) -> int:
         behind_ns = self._behind_ns.get(sensor, ())
-        lag_ns = median_low(behind_ns) if len(behind_ns) >= _FEWEST else 0
-        return lag_ns if lag_ns <= _MOST_LAG_NS else 0
-
-    @property
-    def longest(self) -> int:
-        """The longest lag of any sensor [ns]."""
-        return max(map(self.of, self._behind_ns), default=0)
+        if len(behind_ns) < 2:
+            return 0
+        then_ns = self._heard_then_ns[sensor]
+        silent = any(ns - then_ns.get(name, ns) > _SILENT_NS for name, ns in self._heard_ns.items())
+        return 0 if silent else sorted(behind_ns)[-2]
 
 
 class StampOrder:
@@ -81,8 +89,10 @@ class StampOrder:
         self._known.add(key)
         heapq.heappush(self._held, (ns, self._arrived, observation))
         self._arrived += 1
-        self._newest_ns = ns if self._newest_ns is None else max(ns, self._newest_ns)
-        return self._leave(self._newest_ns - round(MAX_WAIT_S * NS_PER_S) - self._lags.longest)
+        wait_ns = round(MAX_WAIT_S * NS_PER_S)
+        newest_ns = ns if self._newest_ns is None else self._newest_ns
+        self._newest_ns = ns if newest_ns - ns > wait_ns + _MOST_LAG_NS else max(ns, newest_ns)  # else another day's
+        return self._leave(self._newest_ns - wait_ns - self._lags.beyond(wait_ns))
 
     def finish(self) -> list[Observation]:
         """Return the waiting observations at the end, oldest first."""

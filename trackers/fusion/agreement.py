@@ -29,6 +29,8 @@ _OFF_M, _LATE_S, _LEAST_SHOWN = 0.2, 0.15, 0.25
 """Offset [m], time [s] and share of the people shown from which, and below which, a source is suspect."""
 _SURE = 5.0
 """Standard errors that a delay must exceed: errors of one sensor are alike for a while."""
+_ALIKE_M = 0.1
+"""Places that two kinds of sensor show of walkers may differ alike by so much, as a delay would make them [m]."""
 _FEWEST, _LEAST_M2_S2 = 12.0, 3.0
 """Differences, and sum of squared speeds [m²/s²], that a suspicion takes."""
 
@@ -106,7 +108,8 @@ class Agreement:
         square = np.maximum(self._square, 1e-9)
         delay_s = np.abs(self._along / square)
         unexplained_m2 = np.maximum(self._off_m2 - self._along**2 / square, 0.0) / (2 * np.maximum(self._n, 1.0))
-        error_s = _SURE * np.sqrt(unexplained_m2 / square)
+        alike_s = _ALIKE_M * np.sqrt(self._n / square)
+        error_s = np.maximum(_SURE * np.sqrt(unexplained_m2 / square), alike_s)
         return self._median(np.where(delay_s > error_s, delay_s, 0.0), known)
 
     def of_suspect(self, look: Look, number: int) -> Look:

@@ -103,8 +103,9 @@ class Heads(Rows):
         walks = np.hypot(*velocity.T) > _WALKS_M_S
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
         along = facing * np.exp(_AHEAD * dt * walks[:, None] * ahead)
+        tells = walks & (self.direction[1] > _SURE)
         faces_ahead = np.sign((facing * ahead).sum(axis=1))
-        ahead_s = np.minimum(self.ahead_s + np.where(walks, faces_ahead * dt, 0.0), _MOST_TURNED_S)
+        ahead_s = np.minimum(self.ahead_s + np.where(tells, faces_ahead * dt, 0.0), _MOST_TURNED_S)
         misled = ahead_s < -_TURNED_S
         along = np.where(misled[:, None], np.exp(_AHEAD * ahead), along)
         return self.changed(

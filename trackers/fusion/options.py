@@ -101,7 +101,9 @@ class FusionOptions(Strict):
         default=0.1, ge=0.001, description="time step that motion and the detection probability are for [s]"
     )
     max_wait_s: float = Field(
-        default=0.15, ge=0, description="how long an observation waits for older ones of other sensors [s]"
+        default=0.15,
+        ge=0,
+        description="how long an observation waits for older ones of other sensors [s]; longer for one that keeps arriving later",
     )
     trunk: KindOptions = _kind(0.01, 0.015, 0.95, 1e-3, 0.1, "trunks at waist height")
     legs: KindOptions = _kind(0.07, 0.025, 0.95, 1e-2, 0.1, "legs at knee height")

@@ -196,11 +196,12 @@ class FusionTrackManager(TrackManager):
         return people.in_state(people.state.replaced(row, state))
 
     def contradicted(self, people: People, number: int, missed: Float[Array, "n"], ns: int) -> People:
-        """Return the tracks, less likely to exist where source `number` does not show what others show at stamp ns.
+        """Return the tracks, less likely to exist where source `number` does not show what another one measured at stamp ns.
 
-        missed: how probably it would not show each of them. Their places are known by what the others measured.
+        missed: how probably it would not show each of them, before that.
         """
-        row = np.flatnonzero((people.roster.measured_ns == ns) & (people.seen_ns[:, number] < ns))
+        now = people.seen_ns == ns
+        row = np.flatnonzero(now.any(axis=1) & ~now[:, number])
         if not row.size:
             return people
         existence = existence_after_miss(people.existence[row], np.maximum(missed[row], _LEAST_MISSED), 0.0, np.inf)

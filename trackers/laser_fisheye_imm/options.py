@@ -295,7 +295,9 @@ class LaserFisheyeImmOptions(Strict):
     A longer gap is predicted in such steps. Frames that follow sooner have a share of one step's weight: gait and clothes last.
     """
     max_wait_s: float = Field(
-        default=0.15, ge=0, description="how long a frame waits for a sensor that has not reported [s]"
+        default=0.15,
+        ge=0,
+        description="how long a frame waits for a sensor that has not reported [s]; longer for one that keeps reporting later",
     )
     smoothed_s: float = Field(
         default=0.0,

@@ -28,7 +28,7 @@ _DUE = 0.75
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
 REPEATED = "bit for bit the same as the one before: the sensor or its driver hangs"
-"""Reasons for dropping observations, besides those of `trackers.feeding`."""
+"""Reasons for dropping observations, besides those of `trackers.arrival_order`."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SyncPolicy:
     awaited: tuple[str, ...] | None = None  # waited for
     period_s: float = 0.1  # of frames [s]
     joined: tuple[str, ...] | None = None  # may differ from their frame by half a period
-    max_wait_s: float = 0.15  # for a sensor that is awaited [s]
+    max_wait_s: float = 0.15  # for a sensor that is awaited, unless it keeps reporting later [s]
 
     def __post_init__(self) -> None:
         named = (*self.triggers, *self.attached, *self.latest)
@@ -102,7 +102,7 @@ class FrameSynchronizer:
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
         self._waiting: list[Observation] = []  # those to attach, without a frame yet
-        self._lags = ArrivalLags()
+        self._lags, self._named = ArrivalLags(), {*rules.triggers, *rules.attached, *rules.latest}
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
@@ -119,7 +119,7 @@ class FrameSynchronizer:
     def add(self, observation: Observation) -> list[SyncedFrame]:
         """Add an observation; return the frames now complete, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
-        if sensor in self._awaited:
+        if sensor in self._named:
             self._lags.add(sensor, ns)
         if sensor in rules.latest:
             self._hold(observation)
@@ -142,7 +142,7 @@ class FrameSynchronizer:
 
     def finish(self) -> list[SyncedFrame]:
         """Return the waiting frames, oldest first; observations without a frame are dropped."""
-        waited_ns = self._max_wait_ns + self._lags.longest
+        waited_ns = self._max_wait_ns + self._lags.beyond(self._max_wait_ns)
         frames = self._ready(max((frame.ns for frame in self._pending), default=0) + waited_ns)
         self._lose_alone(self._waiting)
         self._waiting = []
@@ -239,7 +239,7 @@ class FrameSynchronizer:
         while self._pending:
             head = self._pending[0]
             lacking = [name for name in self._awaited if self._lacks(head, name)]
-            if lacking and newest_ns - head.ns < self._max_wait_ns + max(map(self._lags.of, lacking)):
+            if lacking and newest_ns - head.ns < self._max_wait_ns + self._lags.beyond(self._max_wait_ns, lacking):
                 break
             self._pending.pop(0)
             if self._left is not None and head.ns <= self._left.ns:
@@ -249,7 +249,8 @@ class FrameSynchronizer:
             if self._leave(head):
                 ready.append(head)
         # a frame that these could join may start until then
-        oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
+        waited_ns = self._max_wait_ns + self._lags.beyond(self._max_wait_ns)
+        oldest_ns = newest_ns - max(waited_ns, self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
         if len(kept) < len(self._waiting):
             self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
