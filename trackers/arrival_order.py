@@ -18,7 +18,7 @@ TWICE = "twice under one stamp"
 _MOST_LAG_NS, _LAST = NS_PER_S, 10
 """Lag of a sensor up to which it is waited for [ns], and of how many of its last observations the second largest tells it."""
 _SILENT_NS = 3 * NS_PER_S
-"""A sensor is waited for no more once another has gone on for so long without it [ns]."""
+"""A sensor is waited for no more once another has reported for so long without it [ns]."""
 
 
 class ArrivalLags:
@@ -29,7 +29,7 @@ class ArrivalLags:
 
     def __init__(self) -> None:
         self._heard_ns: dict[str, int] = {}  # newest stamp of each sensor
-        self._heard_then_ns: dict[str, dict[str, int]] = {}  # the same, as of each sensor's last observation
+        self._heard_before_ns: dict[str, dict[str, int]] = {}  # the same, as of each sensor's last observation
         self._behind_ns: dict[str, deque[int]] = {}
 
     def add(self, sensor: str, ns: int) -> None:
@@ -40,7 +40,7 @@ class ArrivalLags:
         if ahead_ns:
             behind_ns = max((each for each in ahead_ns if 0 < each <= _MOST_LAG_NS), default=0)
             self._behind_ns.setdefault(sensor, deque(maxlen=_LAST)).append(behind_ns)
-        self._heard_then_ns[sensor] = dict(self._heard_ns)
+        self._heard_before_ns[sensor] = dict(self._heard_ns)
 
     def beyond(self, wait_ns: int, sensors: Iterable[str] | None = None) -> int:
         """Return the longest lag of some sensors (None: of any) [ns]; 0 if no longer than a wait [ns]."""
@@ -51,8 +51,8 @@ class ArrivalLags:
         behind_ns = self._behind_ns.get(sensor, ())
         if len(behind_ns) < 2:
             return 0
-        then_ns = self._heard_then_ns[sensor]
-        silent = any(ns - then_ns.get(name, ns) > _SILENT_NS for name, ns in self._heard_ns.items())
+        earlier_ns = self._heard_before_ns[sensor]
+        silent = any(ns - earlier_ns.get(name, ns) > _SILENT_NS for name, ns in self._heard_ns.items())
         return 0 if silent else sorted(behind_ns)[-2]
 
 
