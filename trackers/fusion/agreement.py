@@ -29,15 +29,13 @@ _OFF_M, _LATE_S, _LEAST_SHOWN = 0.2, 0.15, 0.25
 """Offset [m], time [s] and share of the people shown from which, and below which, a source is suspect."""
 _SURE = 5.0
 """Standard errors that a delay must exceed: errors of one sensor are alike for a while."""
-_ALIKE_M = 0.1
-"""Places that two kinds of sensor show of walkers may differ alike by so much, as a delay would make them [m]."""
 _FEWEST, _LEAST_M2_S2 = 12.0, 3.0
 """Differences, and sum of squared speeds [m²/s²], that a suspicion takes."""
 
 _SUSPECT_M = 0.5
 """Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 
-_OF_OTHER = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])
+_OF_OTHER = np.array([1.0, -1.0, -1.0, -1.0, 1.0])
 """Signs of the sums of differences as of the other source."""
 
 
@@ -46,9 +44,9 @@ class Agreement:
 
     def __init__(self, names: Sequence[Sequence[str]]) -> None:
         self._names, n = [" and ".join(each) for each in names], len(names)
-        self._sums, self._asked, self._shown = np.zeros((n, n, 6)), np.zeros(n), np.zeros(n)
+        self._sums, self._asked, self._shown = np.zeros((n, n, 5)), np.zeros(n), np.zeros(n)
         self._n, self._off_m = self._sums[..., 0], self._sums[..., 1:3]
-        self._along, self._square, self._off_m2 = np.moveaxis(self._sums[..., 3:], -1, 0)
+        self._along, self._square = self._sums[..., 3], self._sums[..., 4]
         self._sigma_m = np.zeros(n)
         self._ns: int | None = None
         self.suspect: Bool[Mask, "s"] = np.zeros(n, np.bool_)
@@ -84,8 +82,7 @@ class Agreement:
         off = np.where(together[..., None], place[:, None] - people.seen_at[row] - since_s[..., None] * velocity, 0.0)
         square = np.where(together, (velocity**2).sum(axis=2), 0.0)
         along = (off * velocity).sum(axis=(0, 2))
-        off_m2 = (off**2).sum(axis=(0, 2))
-        sums = np.column_stack([together.sum(axis=0), off.sum(axis=0), along, square.sum(axis=0), off_m2])
+        sums = np.column_stack([together.sum(axis=0), off.sum(axis=0), along, square.sum(axis=0)])
         self._sums[number] += sums
         self._sums[:, number] += _OF_OTHER * sums
 
@@ -106,11 +103,8 @@ class Agreement:
         """Time by which each source is ahead of most of the others, or behind them [s]; 0 where fewer than two others tell."""
         known = (self._n >= _FEWEST) & (self._square >= _LEAST_M2_S2)
         square = np.maximum(self._square, 1e-9)
-        delay_s = np.abs(self._along / square)
-        unexplained_m2 = np.maximum(self._off_m2 - self._along**2 / square, 0.0) / (2 * np.maximum(self._n, 1.0))
-        alike_s = _ALIKE_M * np.sqrt(self._n / square)
-        error_s = np.maximum(_SURE * np.sqrt(unexplained_m2 / square), alike_s)
-        return self._median(np.where(delay_s > error_s, delay_s, 0.0), known)
+        error_s = _SURE * np.maximum(self._sigma_m[:, None], self._sigma_m) / np.sqrt(square)
+        return self._median(np.abs(self._along / square) - error_s, known)
 
     def of_suspect(self, look: Look, number: int) -> Look:
         """Return what a suspect source shows: tracks roughly, but neither initiations nor deletions."""

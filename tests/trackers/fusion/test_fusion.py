@@ -15,8 +15,7 @@ from synthetic_room import empty_room, observe, rig, straight_walk, wandering
 from trackers.check import CORRUPTIONS, check_tracker
 from trackers.errors import InputError
 from trackers.feeding import track_frames
-from trackers.filters.imm import Imm, ImmState
-from trackers.fusion.agreement import Agreement
+from trackers.filters.imm import Imm
 from trackers.fusion.association import pair
 from trackers.fusion.heads import FreePlaces, Heads, gained, sights_of_one, unit_points
 from trackers.fusion.look import Look
@@ -157,32 +156,6 @@ def test_a_source_that_does_not_show_what_another_one_shows_tells_so_at_any_stam
     odds = after[0] / (1 - after[0])
     np.testing.assert_allclose(odds, 0.2 * 0.9 / 0.1)  # by what the floor would miss
     assert after[1] == after[2] == 0.9  # shown, or missed by all
-
-
-@pytest.mark.parametrize("late_s", [-0.4, 0.0, 0.3])
-@pytest.mark.parametrize("off_m", [0.0, 0.06])
-def test_a_source_is_named_by_how_late_it_is_whatever_it_states_of_its_errors(off_m: float, late_s: float) -> None:
-    """Differences of places tell how exact they are; a delay counts where it exceeds its standard errors."""
-    rng = np.random.default_rng(3)
-    agreement = Agreement([("waist",), ("knee",), ("camera",)])
-    at = np.array([[0.0, 0.0], [4.0, 0.0]])
-    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, 1, 3).changed(existence=np.ones(2))
-    for step in range(60):
-        ns = NS_PER_S + step * NS_PER_S // 10
-        velocity = np.array([[np.cos(0.3 * step), np.sin(0.3 * step)], [0.8, 0.2]])
-        mean = people.state.mean.copy()
-        mean[2:4] = velocity.T[:, None]
-        people = people.in_state(ImmState(mean, people.state.covariance, people.state.probability))
-        agreement.age(ns)
-        for number, (sigma_m, lag_s) in enumerate([(0.02, 0.0), (0.05, 0.0), (0.1, late_s)]):
-            place = at + number * np.array([off_m, 0.0]) - lag_s * velocity + rng.normal(0, sigma_m, (2, 2))
-            agreement.take(number, people, np.arange(2), place, np.full(2, 0.4), ns)
-            people.seen_ns[:, number], people.seen_at[:, number] = ns, place
-        at = at + 0.1 * velocity
-    assert len(agreement.found()) == (1 if late_s else 0)
-    assert agreement.suspect.tolist() == [False, False, bool(late_s)]
-    if not off_m:  # an offset along one's way is like a delay
-        np.testing.assert_allclose(agreement.delays_s[2], abs(late_s), atol=0.05)
 
 
 @pytest.mark.parametrize("room", ["home", "meeting"])
