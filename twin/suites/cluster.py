@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 _CLOSE_S = 15
+_ENDING_S = 5.0
+"""Workers that were ended may write for so long [s]."""
 _SAFE_PATH = "PYTHONSAFEPATH"
 
 ENVIRONMENT = {
@@ -111,8 +115,7 @@ def open_cluster(
     n_worker, local = (jobs or core_count()) if scheduler is None else 0, None
     with ExitStack() as stack:
         if scheduler is None:
-            # Workers that are ended leave what they were writing: this process removes it.
-            scratch = stack.enter_context(TemporaryDirectory(prefix="roomtwin-", ignore_cleanup_errors=True))
+            scratch = stack.enter_context(_scratch_folder())
             stack.enter_context(_without_current_folder())
             stack.enter_context(config.set(_CONFIGURATION))
             local = _started(
@@ -135,6 +138,19 @@ def open_cluster(
         stack.callback(_close, client)
         dashboard = client.dashboard_link if scheduler is not None else None
         yield Cluster(client, dashboard or None, local, n_worker, needs)
+
+
+@contextmanager
+def _scratch_folder() -> Iterator[str]:
+    """Yield a folder for this run, and remove it with what workers were writing that are ended, or that still end."""
+    folder = mkdtemp(prefix="roomtwin-")
+    try:
+        yield folder
+    finally:
+        until_s = time.monotonic() + _ENDING_S
+        while os.path.exists(folder) and time.monotonic() < until_s:
+            rmtree(folder, ignore_errors=True)
+            time.sleep(0.02)
 
 
 @contextmanager
