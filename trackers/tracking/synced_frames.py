@@ -142,8 +142,7 @@ class FrameSynchronizer:
 
     def finish(self) -> list[SyncedFrame]:
         """Return the waiting frames, oldest first; observations without a frame are dropped."""
-        waited_ns = self._max_wait_ns + self._lags.beyond(self._max_wait_ns)
-        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + waited_ns)
+        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._wait_ns())
         self._lose_alone(self._waiting)
         self._waiting = []
         return frames
@@ -239,7 +238,7 @@ class FrameSynchronizer:
         while self._pending:
             head = self._pending[0]
             lacking = [name for name in self._awaited if self._lacks(head, name)]
-            if lacking and newest_ns - head.ns < self._max_wait_ns + self._lags.beyond(self._max_wait_ns, lacking):
+            if lacking and newest_ns - head.ns < self._wait_ns(lacking):
                 break
             self._pending.pop(0)
             if self._left is not None and head.ns <= self._left.ns:
@@ -249,8 +248,7 @@ class FrameSynchronizer:
             if self._leave(head):
                 ready.append(head)
         # a frame that these could join may start until then
-        waited_ns = self._max_wait_ns + self._lags.beyond(self._max_wait_ns)
-        oldest_ns = newest_ns - max(waited_ns, self._within_ns + 1)
+        oldest_ns = newest_ns - max(self._wait_ns(), self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
         if len(kept) < len(self._waiting):
             self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
@@ -260,6 +258,10 @@ class FrameSynchronizer:
 
     def _lose_alone(self, observations: list[Observation]) -> None:
         self.losses.update((each.sensor, ALONE) for each in observations)
+
+    def _wait_ns(self, sensors: list[str] | None = None) -> int:
+        """Return how long some sensors (None: any) are waited for, those that lag for longer [ns]."""
+        return self._max_wait_ns + self._lags.beyond(self._max_wait_ns, sensors)
 
     def _lacks(self, frame: SyncedFrame, sensor: str) -> bool:
         """Return whether an awaited sensor has not yet reported for the frame."""
