@@ -196,6 +196,12 @@ class Area:
         """The corners (c, 2) [m]."""
         return self._start.T
 
+    @property
+    def size_m2(self) -> float:
+        """Size of the polygon without its margin [m²]."""
+        (x, y), (along_x, along_y) = self._start, self._edge
+        return abs(float((x * along_y - y * along_x).sum())) / 2
+
     def contains(self, points: Array) -> Mask:
         """Return a mask (n,) of points (n, 2) in the polygon or within the margin of its border."""
         if not self._convex:

@@ -105,9 +105,9 @@ def _density(
 def _log_shown(people: People, look: Look, missed: Float[Array, "n"]) -> Float[Array, "n"]:
     """Return ln P_D of each track where a look measured it.
 
-    A scanner that measures a person there sees that place; a silhouette may be of another one on the same line of sight.
+    A scanner or floor that measures a person there sees that place; a silhouette may be of another one on the same line of sight.
     """
-    shown = people.posture.shown(look.by_posture) if look.is_sharp else 1 - missed
+    shown = people.posture.shown(look.by_posture) if look.is_sharp or look.of_legs else 1 - missed
     return np.log(np.maximum(shown, _LEAST_SHOWN))
 
 

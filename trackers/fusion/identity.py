@@ -42,13 +42,14 @@ _PATIENCE_S = 5.0
 class IdentityMemory:
     """Keeps who has left, and gives tracks the identities of the people whom they show."""
 
-    def __init__(self, options: ColourIdentityOptions) -> None:
-        self._options = options
+    def __init__(self, options: ColourIdentityOptions, room_m2: float = 0.0) -> None:
+        """room_m2: size of the area that is tracked [m²], 0: not known."""
+        self._options, self._room_m2 = options, room_m2
         self._left: People | None = None
 
     def remember(self, people: People, ns: int) -> None:
-        """Keep tracks that end at stamp ns, if they are confirmed and their clothes are known."""
-        kept = people.confirmed & people.clothes.known
+        """Keep tracks that end at stamp ns, if they are confirmed and their clothes or weights are known."""
+        kept = people.confirmed & (people.clothes.known | people.weights.known)
         if kept.any():
             self._left = self._left_of(people, ns).joined(people.select(kept))
 
@@ -72,7 +73,8 @@ class IdentityMemory:
         square = np.einsum("nka,nkab,nkb->nk", off, np.linalg.inv(before.covariance[:, None] + after.covariance), off)
         alike = before.clothes.distance(after.clothes)
         of_hidden = 0.5 * self._options.gate**2 + _COLOUR * (_EVEN - np.nan_to_num(alike, nan=_EVEN)) - 0.5 * square
-        old, now = max_weight_assignment(np.concatenate([of_hidden, _of_left(left, after, ns)]))
+        of_hidden += np.nan_to_num(before.weights.log_ratio(after.weights))
+        old, now = max_weight_assignment(np.concatenate([of_hidden, self._as_left(left, after, ns)]))
         if not old.size:
             return people, new
         now, is_left = fresh[now], old >= hidden.size
@@ -99,26 +101,34 @@ class IdentityMemory:
         )
         return self._changed_places(people, row, ns) if options.gate else people
 
+    def felt(self, people: People, row: Int[Index, "k"], load_n: Float[Array, "k"], ns: int) -> People:
+        """Return people after loads [N] of the whole of those at `row`, each with the identity that its weight tells."""
+        people = people.changed(weights=people.weights.felt(row, load_n, ns, self._options.learns_s))
+        return self._changed_places(people, row, ns) if self._options.gate else people
+
     def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
         """Return people with the identities exchanged of the two tracks that say most clearly that they have changed people.
 
         The second may be of who has left; the identity of the first has then left in its place.
         """
-        clothes, n = people.clothes, len(people)
-        sure = people.confirmed & (clothes.n_look >= _FEWEST)
-        seen = sure & (ns - clothes.looked_ns <= _SEEN_S * NS_PER_S)
+        clothes, weights, n = people.clothes, people.weights, len(people)
+        sure = people.confirmed & ((clothes.n_look >= _FEWEST) | (weights.learned_s >= weights.LATELY_S))
+        seen = sure & (ns - np.maximum(clothes.looked_ns, weights.felt_ns) <= _SEEN_S * NS_PER_S)
         body = row[sure[row]]
-        unlike = _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body])) < 0
-        if not unlike.any():
+        colours = np.where(
+            clothes.known[body], _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body])), 0.0
+        )
+        body = body[colours + weights.own_log_ratio[body] < 0]
+        if not body.size:
             return people
-        body, ratio, left = body[unlike], np.zeros((n, n)), self._left_of(people, ns)
-        ratio[:, seen] = _log_ratio(chi_squared_distance(clothes.reference, clothes.lately[seen]))
-        ratio[:, seen] += _log_walked(clothes.learned_at, ns - clothes.learned_ns, people.positions[seen])
+        ratio, left = np.zeros((n, n)), self._left_of(people, ns)
+        walked = _log_walked(clothes.learned_at, ns - clothes.learned_ns, people.positions[seen])
+        ratio[:, seen] = np.nan_to_num(_log_alike(people, people.select(seen))) + np.nan_to_num(walked)
         own = np.maximum(ratio.diagonal(), -_UNKNOWN)
         # of identities and tracks: this one's rather than its own
         other = np.where(sure[:, None], ratio - own, -np.inf)
         back = np.where(seen[:, None], other.T, 0.0)
-        gain = np.concatenate([other + back, _of_left(left, people, ns) - own])[:, body]
+        gain = np.concatenate([other + back, self._as_left(left, people, ns) - own])[:, body]
         i, k = np.unravel_index(gain.argmax(), gain.shape)
         if gain[i, k] <= _CHANGED:
             return people
@@ -130,6 +140,17 @@ class IdentityMemory:
         identity, track = left.select(departed), people.select(first)
         self._left = left.replaced(departed, track)
         return people.replaced(first, track.identified_as(identity))
+
+    def _as_left(self, left: People, people: People, ns: int) -> Float[Array, "l n"]:
+        """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where nothing tells.
+
+        Who has not got up is still there, and others may come up anywhere.
+        """
+        since_ns = np.where(left.posture.rests, 0, ns - left.roster.measured_ns)
+        sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
+        anywhere = np.log(np.maximum(self._room_m2 / (2 * np.pi * sigma_m**2), 1.0))[:, None]
+        alike = np.nan_to_num(_log_alike(left, people), nan=-np.inf)
+        return alike + anywhere + _log_walked(left.place, since_ns, people.positions)
 
     def _left_of(self, people: People, ns: int) -> People:
         """Return who has left lately enough, none at first."""
@@ -143,15 +164,16 @@ def _log_ratio(distance: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.clip(_COLOUR * (_EVEN - distance), -_MOST, _MOST)
 
 
+def _log_alike(identity: People, tracks: People) -> Float[Array, "n k"]:
+    """Return the log-likelihood ratio of what tracks have shown and borne lately as these people's; NaN where neither tells."""
+    colours = _log_ratio(identity.clothes.distance(tracks.clothes))
+    weights = identity.weights.log_ratio(tracks.weights)
+    return np.where(np.isnan(colours), weights, colours + np.nan_to_num(weights))
+
+
 def _log_walked(
     place: Float[Array, "l 2"], since_ns: Int[Index, "l"], there: Float[Array, "n 2"]
 ) -> Float[Array, "l n"]:
     """Return the log-likelihood of people to be at places [m] some time after they were elsewhere [m], in that of their peak."""
     sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
     return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
-
-
-def _of_left(left: People, people: People, ns: int) -> Float[Array, "l n"]:
-    """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where colours tell nothing."""
-    ratio = np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf)
-    return ratio + _log_walked(left.place, ns - left.roster.measured_ns, people.positions)

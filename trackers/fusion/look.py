@@ -35,6 +35,8 @@ class Expected:
     speed_m_s: Float[Array, "n"]
     facing: Float[Array, "n 2"]  # mean of the unit vector that they face by, of length 0 where that is not known
     by_trunk: Bool[Mask, "n"]  # of whom a trunk was measured lately: nobody else is there
+    weight_n: Float[Array, "n"]  # [N], NaN: not known
+    on_feet: Bool[Mask, "n"]  # who bore all of it on their feet lately
 
     @property
     def crowns(self) -> Float[Array, "n 3"]:
@@ -53,7 +55,7 @@ class Look:
     detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
     another near by; observes: H of the measurements; evidence: of each measurement that a person is there, in that of a whole
     person; None: of all 1. likeness: how much what is measured looks like a person, −1 to 1, by which it counts for those who
-    are not yet confirmed; None: 1.
+    are not yet confirmed; None: 1. load_n: what a floor bears of all of a person [N], NaN where it may be less or others'.
     """
 
     sensors: tuple[str, ...]
@@ -70,6 +72,7 @@ class Look:
     shown: tuple[Detection, ...] = field(default=())
     evidence: Float[Array, "k"] | None = None
     likeness: Float[Array, "k"] | None = None
+    load_n: Float[Array, "k"] | None = None
 
     @property
     def stays_m2(self) -> Float[Array, "k"]:

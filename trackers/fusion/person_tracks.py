@@ -15,6 +15,7 @@ from trackers.fusion.look import Expected
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.person_state import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
 from trackers.fusion.posture import OFF_BODY, Posture
+from trackers.fusion.weights import Weights
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 from trackers.vision.histogram import chi_squared_distance
@@ -100,6 +101,7 @@ class People(ImmTracks):
     roster: Roster[ImmState]
     heads: Heads
     clothes: Clothes
+    weights: Weights
     stature_m: Float[Array, "n"]  # NaN: not known
     place: Float[Array, "n 2"]  # after the last measurement [m]
     offset_m2: Float[Array, "n"]  # variance of what stays of the errors, on each axis
@@ -117,6 +119,7 @@ class People(ImmTracks):
             roster=Roster.started(state, ns),
             heads=Heads.over(n),
             clothes=Clothes.unknown(n, n_colour),
+            weights=Weights.unknown(n),
             stature_m=np.full(n, np.nan),
             place=place,
             offset_m2=np.zeros(n),
@@ -177,11 +180,13 @@ class People(ImmTracks):
         variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
         return self.in_state(drifted(self.state, kept, height_m, variance_m2))
 
-    def expected(self, by_trunk: Bool[Mask, "n"]) -> Expected:
-        """Return what sources get of the tracks; by_trunk: those of whom a trunk was measured lately."""
+    def expected(self, by_trunk: Bool[Mask, "n"], ns: int) -> Expected:
+        """Return what sources get of the tracks at stamp ns; by_trunk: those of whom a trunk was measured lately."""
         angle, length = self.heads.direction
         facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
-        return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing, by_trunk)
+        speed_m_s, on_feet = np.hypot(*self.velocity.T), self.weights.on_feet(ns)
+        weight_n = np.where(self.confirmed, self.weights.newtons, np.nan)
+        return Expected(self.positions, self.head, self.legs, speed_m_s, facing, by_trunk, weight_n, on_feet)
 
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
         """Return the people with their heads after pictures that did not show those due.
@@ -204,8 +209,9 @@ class People(ImmTracks):
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))
 
     def identified_as(self, identity: Self) -> Self:
-        """Return the tracks as those of other identities: numbers, clothes and statures; what they show lately stays theirs."""
+        """Return the tracks as those of other identities: numbers and attributes; what they show lately stays theirs."""
         roster = self.roster.changed(
             id=identity.roster.id, confirmed=identity.confirmed, born_ns=identity.roster.born_ns
         )
-        return self.changed(roster=roster, clothes=self.clothes.of(identity.clothes), stature_m=identity.stature_m)
+        clothes, weights = self.clothes.of(identity.clothes), self.weights.of(identity.weights)
+        return self.changed(roster=roster, clothes=clothes, weights=weights, stature_m=identity.stature_m)

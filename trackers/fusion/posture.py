@@ -86,6 +86,11 @@ class Posture(Rows):
         """The people who probably sit or lie."""
         return self.probability[:, 0] < 0.5
 
+    @property
+    def faces(self) -> Bool[Mask, "n"]:
+        """The people who sit or lie of whom it is known which way their legs are from their pelvis."""
+        return np.hypot(*(self.feet - self.seat).T) > _FACES_M  # NaN: they stand
+
     def shown(self, shares: Shares) -> Float[Array, "n"]:
         """Return the detection probability in that of a standing person."""
         return self.probability @ np.array(shares)
@@ -178,9 +183,10 @@ class Posture(Rows):
     def lain_down(self) -> Self:
         """Remember who lies, and move the seats of those who just lay down to where they lie, away from their feet."""
         ahead = self.feet - self.seat
-        away = np.hypot(*ahead.T)[:, None]
-        now = (self.lies & ~self.lain)[:, None] & (away > _FACES_M)
-        seat = np.where(now, self.seat - _LIES_BEHIND_M * ahead / np.maximum(away, 1e-9), self.seat)
+        now = (self.lies & ~self.lain & self.faces)[:, None]
+        seat = np.where(
+            now, self.seat - _LIES_BEHIND_M * ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None], self.seat
+        )
         return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))
 
 

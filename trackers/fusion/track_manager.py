@@ -16,7 +16,7 @@ from trackers.filters.negative_information import (
     update_missed,
 )
 from trackers.filters.rows import marked, written
-from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
+from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, Pairs, explained
 from trackers.fusion.identity import IdentityMemory
 from trackers.fusion.look import APART_M, NEW, Look, most_nats, round_covariance
 from trackers.fusion.options import FusionOptions
@@ -50,7 +50,8 @@ class FusionTrackManager(TrackManager):
     def __init__(self, options: FusionOptions, corners: ArrayLike | None, imm: Imm) -> None:
         super().__init__(options.track_management, corners)
         self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
-        self.identities = IdentityMemory(options.identity)
+        room_m2 = 0.0 if self.area is None else self.area.size_m2
+        self.identities = IdentityMemory(options.identity, room_m2)
         self._scanned_ns: dict[str, int] = {}
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
@@ -154,6 +155,18 @@ class FusionTrackManager(TrackManager):
         before = np.maximum(people.existence[row], LEAST_EXISTENCE)
         existence = existence_after_detection(before, np.exp(np.minimum(log, 50.0)))
         return people.changed(existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)))
+
+    def felt(self, people: People, look: Look, pairs: Pairs, ns: int) -> People:
+        """Return the tracks after the loads of a floor, with the postures and identities that they tell."""
+        if look.load_n is None:
+            return people
+        load_n = look.load_n[pairs.column]
+        row, load_n = pairs.row[~np.isnan(load_n)], load_n[~np.isnan(load_n)]
+        if not row.size:
+            return people
+        share = np.clip((ns - people.weights.felt_ns[row]) / NS_PER_S / look.alike_s, 0.0, 1.0)
+        posture = people.posture.weighed(row, share[:, None] * people.weights.log_postures(row, load_n))
+        return self.identities.felt(people.changed(posture=posture), row, load_n, ns)
 
     @staticmethod
     def existence_of_new(p_detect: Float[Array, "hits"], evidence: Float[Array, "hits"]) -> float:
@@ -265,6 +278,8 @@ class FusionTrackManager(TrackManager):
             return reported
         state, position = people.state.select(row), people.positions[row]
         within = probability_within(state, position, self._rules.within_m, people.velocity[row].T)
+        posture = people.posture.select(row)
+        within[posture.lies & ~posture.faces] = 0.0  # half a bed from their feet, who knows which way
         there = (people.existence[row] * within > 0.5) & self.inside(position)
         return written(reported, row, there)
 

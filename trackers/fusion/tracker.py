@@ -26,13 +26,14 @@ from trackers.filters.rows import marked, written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, pair
 from trackers.fusion.camera_sources import CameraSource, cameras_of
-from trackers.fusion.ground_sources import FusedFloor, scanners_of
+from trackers.fusion.floor_source import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import LEGS_REST_M, Posture
+from trackers.fusion.scanner_sources import scanners_of
 from trackers.fusion.shown_places import Camera
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
@@ -169,7 +170,7 @@ class Fusion(SynchronizedTracker):
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)
         for group in self._groups:
-            expected = self._people.expected(self._by_trunk(self._people, synced.ns))
+            expected = self._people.expected(self._by_trunk(self._people, synced.ns), synced.ns)
             looks = {
                 number: look
                 for number in group
@@ -210,6 +211,8 @@ class Fusion(SynchronizedTracker):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
         self._agreement.found()
         people = self._measured(people, paired, looks, ns)
+        for look, pairs in zip(looks.values(), paired, strict=True):
+            people = self._manager.felt(people, look, pairs, ns)
         trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not suspect[k]]
         people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
         for (number, look), chance in zip(looks.items(), missed, strict=True):

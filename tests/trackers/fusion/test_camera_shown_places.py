@@ -81,7 +81,7 @@ def test_a_camera_sees_over_the_head_of_who_sits_and_not_through_who_stands():
 
 def test_crowns_are_over_the_places_and_above_the_heads():
     people = People.started(Imm(PersonMotion()).start(np.array([[1.0, 2.0]])), np.array([[1.0, 2.0]]), 0, 1, 1)
-    expected = people.expected(np.zeros(1, np.bool_))
+    expected = people.expected(np.zeros(1, np.bool_), 0)
     np.testing.assert_array_equal(people.crowns, expected.crowns)
     np.testing.assert_allclose(people.crowns, [[1.0, 2.0, people.head[0, 2] + 0.12]])
 
@@ -93,7 +93,8 @@ def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_
     seen = next(each for each in observe(straight_walk([(0.0, 1.5)], [(0.1, 0.0)], 2), 5) if isinstance(each, Image))
     (camera,) = cameras_of(room_rig(waist=False, knee=False), empty, FusionOptions(), None, None)
     before, nothing = np.array([[0.0, 1.5]]), np.zeros((1, 2))
-    expected = Expected(before, np.array([[0.0, 1.5, head_m]]), nothing, np.zeros(1), nothing, np.zeros(1, np.bool_))
+    head, no = np.array([[0.0, 1.5, head_m]]), np.zeros(1, np.bool_)
+    expected = Expected(before, head, nothing, np.zeros(1), nothing, no, np.full(1, np.nan), no)
     look = camera.look({"camera": seen}, expected, seen.stamp_ns)
     assert look is not None
     assert (look.missed(np.array([[0.0], [3.0]]))[0] == 1.0) == hides
@@ -101,7 +102,9 @@ def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_
 
 def nobody_expected() -> Expected:
     none = np.empty((0, 2))
-    return Expected(none, np.empty((0, 3)), none, np.empty(0), none, np.empty(0, np.bool_))
+    return Expected(
+        none, np.empty((0, 3)), none, np.empty(0), none, np.empty(0, np.bool_), np.empty(0), np.empty(0, np.bool_)
+    )
 
 
 def shown_by(depth_to_m: float, scale_depth: float = 1.0) -> dict[str, np.ndarray]:

@@ -13,12 +13,12 @@ from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 from trackers.arrays import Array
 from trackers.filters.imm import Imm
 from trackers.fusion.association import log_density, pair
-from trackers.fusion.ground_sources import scanners_of
 from trackers.fusion.look import NEW, Expected, Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import LEGS_SHOWN, SILHOUETTE_SHOWN
+from trackers.fusion.scanner_sources import scanners_of
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
@@ -62,7 +62,16 @@ def standing(place: Array, by_trunk: Array | None = None) -> Expected:
     n = len(place)
     shown = np.zeros(n, np.bool_) if by_trunk is None else by_trunk
     nothing = np.zeros((n, 2))
-    return Expected(place, np.pad(place, ((0, 0), (0, 1))), nothing, np.zeros(n), nothing, shown)
+    return Expected(
+        place,
+        np.pad(place, ((0, 0), (0, 1))),
+        nothing,
+        np.zeros(n),
+        nothing,
+        shown,
+        np.full(n, np.nan),
+        np.zeros(n, np.bool_),
+    )
 
 
 def look_at_legs(walk: Walk, facing: Array, speed_m_s: float, expected_at: Array | None = None) -> Look:
@@ -70,9 +79,11 @@ def look_at_legs(walk: Walk, facing: Array, speed_m_s: float, expected_at: Array
     scanners = scanners_of(on, EMPTY, FusionOptions(), None)[0]
     place = walk.position[0] if expected_at is None else expected_at
     n = len(place)
-    head = np.column_stack([place, np.full(n, 1.55)])
-    expected = Expected(
-        place, head, np.zeros((n, 2)), np.full(n, speed_m_s), np.tile(facing, (n, 1)), np.zeros(n, np.bool_)
+    expected = replace(
+        standing(place),
+        head=np.column_stack([place, np.full(n, 1.55)]),
+        speed_m_s=np.full(n, speed_m_s),
+        facing=np.tile(facing, (n, 1)),
     )
     knee = next(each for each in scans if isinstance(each, LaserScan) and each.sensor == "knee")
     look = scanners.look({"knee": knee}, expected, knee.stamp_ns)
