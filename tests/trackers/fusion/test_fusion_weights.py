@@ -110,7 +110,7 @@ def test_two_who_have_changed_weights_have_changed_places(swapped: bool) -> None
         (False, 160.0, 0.2, False),
     ],
 )
-def test_who_lay_down_is_known_again_there_by_what_the_floor_bears(
+def test_who_lay_down_is_reidentified_there_by_what_the_floor_bears(
     lies: bool, load_n: float, away_m: float, comes_back: bool
 ) -> None:
     """A minute after a person of 900 N lay down in a room of 20 m²: as heavy or sitting there; elsewhere who has walked off."""
