@@ -1,9 +1,9 @@
 """Agreement of sensors: which of them shows people elsewhere, at other times or not at all where the others show them.
 
-Of every track that two sources measure at nearly one time the difference d of their places is kept, forgotten over some seconds.
-A source that hangs elsewhere has a mean of d, one with a wrong clock has d = v τ for people who walk at v; τ is the least
-squares' Σ v·d / Σ v². A source whose differences from most of the others are large is suspect, for as long as that lasts; of two
-alone it is unknown which one is wrong, and neither is. One that hardly shows people whom any other shows is suspect too.
+Places that each two sources show of people are compared (`ShiftedDifferences`): a source that hangs elsewhere has a mean
+difference of all people, one with a wrong clock shows them where the others showed them some time ago, or the others where it
+did. A source that contradicts most of the others so is suspect, for as long as that lasts; of two alone it is unknown which one
+is wrong, and neither is. One that hardly shows people whom any other shows is suspect too.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.arrays import Array, Bool, Float, Mask
+from trackers.fusion.differences import ShiftedDifferences
 from trackers.fusion.look import Look
 from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
@@ -22,21 +23,16 @@ from trackers.observations import NS_PER_S
 logger = logging.getLogger(__name__)
 
 _MEMORY_S = 4.0
-"""Time constant of forgetting [s]."""
-_TOGETHER_S = 0.12
-"""Two sources measure a track within so much time [s]."""
+"""Time constant of forgetting who was shown [s]."""
 _OFF_M, _LATE_S, _LEAST_SHOWN = 0.2, 0.15, 0.25
 """Offset [m], time [s] and share of the people shown from which, and below which, a source is suspect."""
-_SURE = 5.0
-"""Standard errors that a delay must exceed: errors of one sensor are alike for a while."""
-_FEWEST, _LEAST_M2_S2 = 12.0, 3.0
-"""Differences, and sum of squared speeds [m²/s²], that a suspicion takes."""
+_SURE_NATS, _LIKELY_NATS = 5.0, 2.5
+"""Log-likelihood ratio of a delay against none that a suspicion takes, and from which an offset is not judged [nat]."""
+_FEWEST = 12.0
+"""People whom others show, as many as count, from which on a source hardly shows them."""
 
 _SUSPECT_M = 0.5
 """Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
-
-_OF_OTHER = np.array([1.0, -1.0, -1.0, -1.0, 1.0])
-"""Signs of the sums of differences as of the other source."""
 
 
 class Agreement:
@@ -44,67 +40,53 @@ class Agreement:
 
     def __init__(self, names: Sequence[Sequence[str]]) -> None:
         self._names, n = [" and ".join(each) for each in names], len(names)
-        self._sums, self._asked, self._shown = np.zeros((n, n, 5)), np.zeros(n), np.zeros(n)
-        self._n, self._off_m = self._sums[..., 0], self._sums[..., 1:3]
-        self._along, self._square = self._sums[..., 3], self._sums[..., 4]
-        self._sigma_m = np.zeros(n)
+        self._differences = ShiftedDifferences(n)
+        self._asked, self._shown, self._sigma_m = np.zeros(n), np.zeros(n), np.zeros(n)
         self._ns: int | None = None
+        self.offsets_m: Float[Array, "s"] = np.zeros(n)
+        """Offset of each source from most of the others, less its error [m]; 0 where fewer than two others tell."""
+        self.delays_s: Float[Array, "s"] = np.zeros(n)
+        """Time by which each source is surely ahead of most of the others, or behind them [s]; else 0."""
         self.suspect: Bool[Mask, "s"] = np.zeros(n, np.bool_)
         """The sources that contradict most of the others, as of the last `found`."""
         self.findings: dict[int, str] = {}
         """Sentences on the sources that have contradicted the others, each as of when it first did."""
 
-    def age(self, ns: int) -> None:
-        """Forget a share of all until stamp ns."""
+    def age(self, people: People, ns: int) -> None:
+        """Forget a share of all until stamp ns, and compare what sources have shown of people until then."""
         elapsed_s = 0.0 if self._ns is None else max(0.0, (ns - self._ns) / NS_PER_S)
         kept, self._ns = np.exp(-elapsed_s / _MEMORY_S), ns
-        for each in (self._sums, self._asked, self._shown):
-            each *= kept
+        self._asked *= kept
+        self._shown *= kept
+        if len(self._names) > 2 and self._differences.advance(people, ns):
+            evidence, lag_s, known = self._differences.lags(_LATE_S)
+            self.delays_s = _delays(evidence, lag_s, known)
+            self.offsets_m = self._offsets(np.maximum(evidence, evidence.T) > _LIKELY_NATS)
 
-    def take(
-        self,
-        number: int,
-        people: People,
-        row: Int[Index, "p"],
-        place: Float[Array, "p 2"],
-        sigma_m: Float[Array, "p"],
-        ns: int,
-    ) -> None:
-        """Take in where source `number` measured the tracks at `row` [m], each with a standard deviation."""
-        if not row.size:
-            return
-        self._sigma_m[number] = float(sigma_m.mean())
-        since_s = (ns - people.seen_ns[row]) / NS_PER_S  # (p, s)
-        together = (since_s < _TOGETHER_S) & (people.existence[row, None] > 0.9)
-        together &= ~people.posture.rests[row, None]  # of whom each kind shows another part
-        together[:, number] = False
-        velocity = people.velocity[row, None]
-        off = np.where(together[..., None], place[:, None] - people.seen_at[row] - since_s[..., None] * velocity, 0.0)
-        square = np.where(together, (velocity**2).sum(axis=2), 0.0)
-        along = (off * velocity).sum(axis=(0, 2))
-        sums = np.column_stack([together.sum(axis=0), off.sum(axis=0), along, square.sum(axis=0)])
-        self._sums[number] += sums
-        self._sums[:, number] += _OF_OTHER * sums
+    def take(self, number: int, sigma_m: Float[Array, "p"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Take in the standard deviations of what source `number` measured of tracks [m].
 
-    def take_shown(self, number: int, asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
-        """Take in how probably source `number` would have shown each track that others show, and which it showed."""
+        asked: how probably it would have shown each track that others show; shown: which it showed.
+        """
+        if sigma_m.size:
+            self._sigma_m[number] = sigma_m.sum() / sigma_m.size
         self._asked[number] += asked.sum()
         self._shown[number] += (asked * shown).sum()
 
-    @property
-    def offsets_m(self) -> Float[Array, "s"]:
-        """Offset of each source from most of the others [m]; 0 where fewer than two others tell."""
-        off_m = self._off_m / np.maximum(self._n, 1.0)[..., None]
-        mean = np.hypot(off_m[..., 0], off_m[..., 1])
-        return self._median(mean - np.maximum(self._sigma_m[:, None], self._sigma_m), self._n >= _FEWEST)
+    def _offsets(self, late: Bool[Mask, "s s"]) -> Float[Array, "s"]:
+        """Return the offset of each source from most of the others, less its error [m]; late: pairs that a delay explains.
 
-    @property
-    def delays_s(self) -> Float[Array, "s"]:
-        """Time by which each source is ahead of most of the others, or behind them [s]; 0 where fewer than two others tell."""
-        known = (self._n >= _FEWEST) & (self._square >= _LEAST_M2_S2)
-        square = np.maximum(self._square, 1e-9)
-        error_s = _SURE * np.maximum(self._sigma_m[:, None], self._sigma_m) / np.sqrt(square)
-        return self._median(np.abs(self._along / square) - error_s, known)
+        A sensor states the standard deviation of what stays of its errors with a person: that of a mean over n people falls with
+        their number, and is learned from how much they differ, with the stated one as that of one more person. So the error is
+        distributed as Student's t with n + 2 degrees of freedom, whose standard deviation is √(1 + 2 / n) of its scale.
+        """
+        of = self._differences.offsets()
+        stated_m2 = np.maximum(self._sigma_m[:, None], self._sigma_m) ** 2
+        error_m = np.sqrt(stated_m2 + of.n_people * (of.between_m2 + of.within_m2)) / of.n_people
+        error_of_each_m = np.sqrt(stated_m2 + of.within_m2)
+        wider = np.sqrt(1 + 2 / of.n_people)
+        off_m = np.maximum(of.together_m - wider * error_m, of.each_m - wider * error_of_each_m)
+        return _median(off_m, of.known & ~late)
 
     def of_suspect(self, look: Look, number: int) -> Look:
         """Return what a suspect source shows: tracks roughly, but neither initiations nor deletions."""
@@ -114,7 +96,7 @@ class Agreement:
     def found(self) -> list[str]:
         """Judge the sources; warn of, and return, what of the suspect ones contradicts the others and was not known before."""
         hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
-        self.suspect = (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
+        self.suspect = (self.offsets_m > _OFF_M) | (self.delays_s > 0) | hardly_shows
         new = {k: self._sentence(k) for k in np.flatnonzero(self.suspect).tolist() if k not in self.findings}
         self.findings |= new
         for sentence in new.values():
@@ -124,17 +106,27 @@ class Agreement:
     def _sentence(self, number: int) -> str:
         """Return a clause that says what of a suspect source contradicts the others."""
         name, off_m, late_s = self._names[number], self.offsets_m[number], self.delays_s[number]
-        if late_s > _LATE_S:
+        if late_s > 0:
             return f"{name} shows people {late_s:.1f} s off the time of the other sensors"
         if off_m > _OFF_M:
             return f"{name} shows people {off_m:.1f} m off where the other sensors do"
         return f"{name} hardly shows the people whom the other sensors show"
 
-    @staticmethod
-    def _median(values: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
-        """Return the lower median over the others of each source; 0 where fewer than two are known."""
-        count = known.sum(axis=1)
-        if count.max(initial=0) < 2:
-            return np.zeros(len(values))
-        ordered = np.sort(np.where(known, values, np.inf), axis=1)  # the known ones first
-        return np.where(count < 2, 0.0, ordered[np.arange(len(values)), (count - 1) // 2])
+
+def _delays(evidence: Float[Array, "s s"], lag_s: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
+    """Return the time by which each source is surely ahead of most of the others, or behind them [s]."""
+    behind, ahead = _median(evidence, known), _median(evidence.T, known)
+    delays_s = np.zeros(len(known))
+    for k in np.flatnonzero(np.maximum(behind, ahead) > _SURE_NATS).tolist():
+        of_pairs = lag_s[k] if behind[k] > ahead[k] else lag_s[:, k]
+        delays_s[k] = np.median(of_pairs[known[k]])
+    return delays_s
+
+
+def _median(values: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
+    """Return the lower median over the others of each source; 0 where fewer than two are known."""
+    count = known.sum(axis=1)
+    if count.max(initial=0) < 2:
+        return np.zeros(len(values))
+    ordered = np.sort(np.where(known, values, np.inf), axis=1)  # the known ones first
+    return np.where(count < 2, 0.0, ordered[np.arange(len(values)), (count - 1) // 2])

@@ -206,7 +206,7 @@ class Fusion(SynchronizedTracker):
         missed = [self._manager.missed(people, look) for look in looks.values()]
         by_trunk = self._by_trunk(people, ns)
         paired = [pair(people, *each, by_trunk) for each in zip(looks.values(), missed, strict=True)]
-        self._agreement.age(ns)
+        self._agreement.age(people, ns)
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
         self._agreement.found()
@@ -227,13 +227,11 @@ class Fusion(SynchronizedTracker):
         self, people: People, look: Look, pairs: Pairs, missed: Float[Array, "n"], share: float, number: int, ns: int
     ) -> None:
         """Compare what a source measured with what the others did."""
-        agreement, row, column = self._agreement, pairs.row, pairs.column
-        sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
-        agreement.take(number, people, row, look.position[column], sigma_m, ns)
+        sigma_m = np.sqrt(look.covariance[pairs.column].trace(axis1=1, axis2=2) / 2)
         others_ns = np.where(np.arange(people.seen_ns.shape[1]) == number, NEVER_NS, people.seen_ns).max(axis=1)
         by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.posture.rests
-        shown = marked(len(people), row)
-        agreement.take_shown(number, share * by_others * (1 - missed), shown)
+        shown = marked(len(people), pairs.row)
+        self._agreement.take(number, sigma_m, share * by_others * (1 - missed), shown)
         if isinstance(source := self._sources[number], CameraSource):
             source.learn_shown(people.positions, share * by_others, shown)
 
@@ -256,7 +254,6 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share, of_posture = (np.minimum(np.maximum(since_s / each, _LEAST_SHARE), 1.0) for each in (lasts_s, alike_s))
         posture = people.posture.detected(row, of_lying, of_posture)
-        pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
@@ -273,7 +270,7 @@ class Fusion(SynchronizedTracker):
         people = self._manager.detected(people, row, ratio, share * upright * evidence, p_detect)
         offset_m2 = np.bincount(row, stays_m2)[each] / np.bincount(row)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
-        seen_ns[row, number], seen_at[row, number] = ns, pelvis
+        seen_ns[row, number], seen_at[row, number] = ns, place
         seat = people.positions
         for look, pairs in whole:
             if look.of_heads:  # a pelvis is about under a sitting head
