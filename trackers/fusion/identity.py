@@ -1,8 +1,9 @@
 """Identities of `fusion`: who comes out of hiding, who comes back, and whose clothes say that two tracks have changed people.
 
 The clothes of each person are learned slowly, and what a track has shown lately beside them. A new track goes on with the
-identity of a hidden one, or of one that has ended, whose person it can be; and identities change places where the clothes shown
-lately are another person's rather than the track's own (joint assignment over a window: doubtful looks are not learned).
+identity of a hidden one, or of one that has ended, whose person it can be, as soon as clothes tell; and identities change places
+where the clothes shown lately are another person's rather than the track's own (joint assignment over a window: doubtful looks
+are not learned).
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ _COLOUR, _MOST = 12.0, 4.5
 """Log-likelihood ratio per distance of colours, and at most: measured in the twin."""
 _START_M, _WALKS_M_S = 0.5, 1.0
 """Standard deviations of where a person who has left comes up: at once [m], and by the time since [m/s]."""
+_ANYWHERE_M = 3.0
+"""Standard deviation of where others come up, from there [m]."""
+_STAYS_S = 1.0
+"""A track may stay for so long where its person is no more, and show another one's clothes [s]."""
 _CHANGED = 4.0
 """Log-likelihood ratio from which two tracks have changed people."""
 _UNKNOWN = 2.0
@@ -54,34 +59,35 @@ class IdentityMemory:
             self._left = self._left_of(people, ns).joined(people.select(kept))
 
     def recognized(self, people: People, new: Bool[Mask, "n"], ns: int) -> tuple[People, Bool[Mask, "n"]]:
-        """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
+        """Let tracks that are about to be confirmed, or have just been looked at, go on with identities of others.
 
         Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
-        person may have left where no sensor looks; a person who has left walks on, known by clothes alone. The hidden track ends.
-        Returns the tracks, and which of them are still to be confirmed.
+        person may have left where no sensor looks; a person who has left walks on. None is a person who was still looked at
+        once the track was there. The hidden track ends. Returns the tracks, and which of them are still to be confirmed.
         """
-        fresh = np.flatnonzero(new)
-        if not fresh.size or not self._options.gate:
-            return people, new
+        fresh = np.flatnonzero(new | (people.confirmed & (people.clothes.looked_ns == ns)))
         gap_s = (ns - people.roster.measured_ns) / NS_PER_S
         hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
         left = self._left_of(people, ns)
-        if not (hidden.size or len(left)):
+        if not self._options.gate or not fresh.size or not (hidden.size or len(left)):
             return people, new
         before, after = people.select(hidden), people.select(fresh)
         off = after.positions - before.positions[:, None]
         square = np.einsum("nka,nkab,nkb->nk", off, np.linalg.inv(before.covariance[:, None] + after.covariance), off)
         alike = before.clothes.distance(after.clothes)
-        of_hidden = 0.5 * self._options.gate**2 + _COLOUR * (_EVEN - np.nan_to_num(alike, nan=_EVEN)) - 0.5 * square
+        of_hidden = _COLOUR * (_EVEN - np.nan_to_num(alike, nan=_EVEN)) - 0.5 * square
+        of_hidden += np.where(new[fresh], 0.5 * self._options.gate**2, 0.0)
         of_hidden += np.nan_to_num(before.weights.log_ratio(after.weights))
-        old, now = max_weight_assignment(np.concatenate([of_hidden, self._as_left(left, after, ns)]))
+        before = before.joined(left)
+        apart = before.clothes.learned_ns[:, None] <= after.roster.born_ns + _STAYS_S * NS_PER_S
+        of_left = np.where(new[fresh], self._as_left(left, after, ns), _as_lost(left, after, ns))
+        old, now = max_weight_assignment(np.where(apart, np.concatenate([of_hidden, of_left]), 0.0))
         if not old.size:
             return people, new
         now, is_left = fresh[now], old >= hidden.size
-        identity = before.joined(left).select(old)
         self._left = left.select(~marked(len(left), old[is_left] - hidden.size))
+        people = people.replaced(now, people.select(now).identified_as(before.select(old)))
         stays = ~marked(len(people), hidden[old[~is_left]])
-        people = people.replaced(now, people.select(now).identified_as(identity))
         return people.select(stays), written(new, now, False)[stays]
 
     def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
@@ -138,7 +144,7 @@ class IdentityMemory:
             return people.replaced(both, people.select(both).identified_as(people.select(both[::-1])))
         departed = np.array([i - n])
         identity, track = left.select(departed), people.select(first)
-        self._left = left.replaced(departed, track)
+        self._left = left.replaced(departed, track.changed(existence=np.zeros(1)))
         return people.replaced(first, track.identified_as(identity))
 
     def _as_left(self, left: People, people: People, ns: int) -> Float[Array, "l n"]:
@@ -177,3 +183,13 @@ def _log_walked(
     """Return the log-likelihood of people to be at places [m] some time after they were elsewhere [m], in that of their peak."""
     sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
     return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
+
+
+def _as_lost(left: People, people: People, ns: int) -> Float[Array, "l n"]:
+    """Return that of tracks followed for some time as people who were lost near by lately; −∞ of who was followed out."""
+    gap_ns = ns - left.roster.measured_ns
+    late = 2 * np.log(np.minimum(_ANYWHERE_M / (_START_M + _WALKS_M_S * gap_ns / NS_PER_S), 1.0))
+    late = np.where(left.existence < 0.5, late, -np.inf)[:, None]
+    return (
+        np.nan_to_num(_log_alike(left, people), nan=-np.inf) + late + _log_walked(left.place, gap_ns, people.positions)
+    )

@@ -259,10 +259,8 @@ class FusionTrackManager(TrackManager):
         return np.logical_and.reduce(clear[0] & clear[1], axis=1)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
-        """Confirm tracks that were measured long and often enough, and that exist."""
+        """Confirm tracks that were measured long and often enough, and that exist; and let them go on as who they are."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
-        if not new.any():
-            return people
         people, new = self.identities.recognized(people, new, ns)
         return people.changed(roster=self.confirm(people.roster, new))
 

@@ -19,10 +19,10 @@ COLOURS = np.eye(3)
 LOOK_NS = NS_PER_S // 10
 
 
-def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> People:
-    """Make tracks at places [m]; those of id 0 are tentative."""
+def people_at(*places: tuple[float, float], ids: tuple[int, ...], ns: int = 0) -> People:
+    """Make tracks that begin at stamp ns at places [m]; those of id 0 are tentative."""
     at = np.array(places)
-    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, ns, len(COLOURS), 1)
     roster = people.roster.changed(id=np.array(ids), confirmed=np.array(ids) > 0)
     return people.changed(existence=np.full(len(at), 0.99), roster=roster)
 
@@ -80,7 +80,8 @@ def test_who_has_left_is_known_again_by_clothes_where_one_can_have_walked_to(
     identities = IdentityMemory(ColourIdentityOptions(**options))
     people, ns = looked(identities, people_at((0.0, 0.0), ids=(7,)), [0], 5, 0)
     identities.remember(people, ns)
-    people, now = people_at((moved_m, 0.0), ids=(0,)), ns + round(away_s * NS_PER_S)
+    now = ns + round(away_s * NS_PER_S)
+    people = people_at((moved_m, 0.0), ids=(0,), ns=now)
     if colour is not None:
         people, _ = looked(identities, people, [colour], 1, now)
     after, to_confirm = identities.recognized(people, np.array([True]), now)
@@ -88,6 +89,32 @@ def test_who_has_left_is_known_again_by_clothes_where_one_can_have_walked_to(
     assert to_confirm.all() != comes_back
     again, _ = identities.recognized(people, np.array([True]), now)
     assert again.roster.id.tolist() == [0], "nobody comes back twice"
+
+
+@pytest.mark.parametrize(
+    ("existence", "looked_on_s", "moved_m", "colour", "comes_back"),
+    [
+        (0.1, 0.0, 1.0, 0, True),
+        (0.1, 0.5, 1.0, 0, True),
+        (0.1, 3.0, 1.0, 0, False),
+        (0.1, 0.0, 30.0, 0, False),
+        (0.1, 0.0, 1.0, 1, False),
+        (0.9, 0.0, 1.0, 0, False),
+    ],
+)
+def test_who_was_lost_and_confirmed_anew_unseen_is_known_again_once_looked_at(
+    existence: float, looked_on_s: float, moved_m: float, colour: int, comes_back: bool
+) -> None:
+    """Unless the first track was looked at long after the second began, for then they are two, or was followed out."""
+    identities = IdentityMemory(ColourIdentityOptions())
+    people, born_ns = looked(identities, people_at((0.0, 0.0), ids=(7,)), [0], 10, 0)
+    people, ns = looked(identities, people, [0], round(looked_on_s * NS_PER_S / LOOK_NS), born_ns)
+    identities.remember(people.changed(existence=np.array([existence])), ns)
+    new, none = people_at((moved_m, 0.0), (2 * moved_m, 0.0), ids=(8, 9), ns=born_ns), np.zeros(2, np.bool_)
+    for _ in range(5):
+        new, ns = looked(identities, new, [colour, 2], 1, ns)
+        new, _ = identities.recognized(new, none, ns - LOOK_NS)
+        assert new.roster.id.tolist() == [7 if comes_back else 8, 9]
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
@@ -112,7 +139,7 @@ def test_a_track_that_has_gone_over_to_somebody_who_had_left_takes_that_number()
     identities.remember(people.select(np.array([1])), ns)
     people, ns = looked(identities, people.select(np.array([0])), [1], 10, ns)
     assert people.roster.id.tolist() == [2]
-    new, _ = looked(identities, people_at((0.5, 0.0), ids=(0,)), [0], 1, ns)
+    new, _ = looked(identities, people_at((0.5, 0.0), ids=(0,), ns=ns), [0], 1, ns)
     after, _ = identities.recognized(new, np.array([True]), ns)
     assert after.roster.id.tolist() == [1]
 
