@@ -22,6 +22,10 @@ from trackers.vision.histogram import chi_squared_distance
 
 _USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
 """Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""
+_SEEN_S, _UP = 0.5, 0.84
+"""A head that a picture showed no longer ago [s] is that of who stands from this share of the stature on."""
+_REST_S = 2.0
+"""Time constant of the mean of places that a source measures of people who rest [s]."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
 
@@ -110,6 +114,7 @@ class People(ImmTracks):
     doubled_s: Float[Array, "n"]  # for how long they have been where an older track is [s]
     seen_ns: Int[Index, "n s"]  # by each source, the stamp of the last measurement
     seen_at: Float[Array, "n s 2"]  # and its place [m]
+    rest_at: Float[Array, "n s 2"]  # mean place of its measurements while they sit or lie [m]
 
     @classmethod
     def started(cls, state: ImmState, place: Float[Array, "n 2"], ns: int, n_colour: int, n_source: int) -> Self:
@@ -128,6 +133,7 @@ class People(ImmTracks):
             doubled_s=np.zeros(n),
             seen_ns=np.full((n, n_source), NEVER_NS),
             seen_at=np.full((n, n_source, 2), np.nan),
+            rest_at=np.full((n, n_source, 2), np.nan),
         )
 
     @property
@@ -187,6 +193,36 @@ class People(ImmTracks):
         speed_m_s, on_feet = np.hypot(*self.velocity.T), self.weights.on_feet(ns)
         weight_n = np.where(self.confirmed, self.weights.newtons, np.nan)
         return Expected(self.positions, self.head, self.legs, speed_m_s, facing, by_trunk, weight_n, on_feet)
+
+    def risen(
+        self,
+        posture: Posture,
+        row: Int[Index, "p"],
+        off_m: Float[Array, "p"],
+        of_legs: Bool[Mask, "p"],
+        share: Float[Array, "p"],
+        ns: int,
+    ) -> Posture:
+        """Return postures of who moves, or is measured off where they rested [m]: surely not of who lies down, with a head as high.
+
+        share: of the evidence.
+        """
+        seen = ns - self.heads.seen_ns <= _SEEN_S * NS_PER_S
+        is_up = seen & ~(self.head[:, 2] < _UP * self.stature_m)  # NaN: not known
+        return posture.by_place(row, off_m, of_legs, is_up[row], np.hypot(*self.velocity[row].T), share)
+
+    def off_rest(
+        self, row: Int[Index, "p"], number: Int[Index, "p"], place: Float[Array, "p 2"], since_s: Float[Array, "p"]
+    ) -> tuple[Float[Array, "p"], Float[Array, "n s 2"]]:
+        """Return how far sources measure people at `row` from where they did while these rest [m], and the means with these.
+
+        place: measured by sources `number` [m]; since_s: time since each measured them last. Of one source the part of a body
+        that it shows, and its errors, are alike: its mean tells who moves.
+        """
+        before = np.where(self.posture.rests[row, None], self.rest_at[row, number], np.nan)
+        off = np.where(np.isnan(before), 0.0, place - before)
+        gain = 1 - np.exp(-since_s / _REST_S)
+        return np.hypot(*off.T), written(self.rest_at, (row, number), place - (1 - gain)[:, None] * off)
 
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
         """Return the people with their heads after pictures that did not show those due.

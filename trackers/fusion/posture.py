@@ -38,13 +38,16 @@ _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
 _REST_M_S = 0.25
 """Standard deviation of the speed of people who rest [m/s]."""
+_REST_M, _UP_M = 0.5, 0.2
+"""Standard deviations of measurements by one sensor of people who rest about their mean, and of those whose head is up [m]."""
+_UP, _MOST = 3.0, 25.0
+"""χ² of one who has stood up, from and up to which it tells."""
 ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
 _LEGS_ALIKE_S = 0.3
 """The same of distances of legs from trunks [s]."""
-_SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
-"""Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and time constant in
-which one sensor tells where the seat is [s]."""
+_SEAT_S = 2.0
+"""Time constant in which one sensor tells where the seat is [s]."""
 _LIES_BEHIND_M, _FACES_M = 0.3, 0.22
 """A person who lies down from the edge of a bed lies so far behind where they sat, away from the knees [m]: half a bed, less the
 edge; and how far the legs are from there at least where it can be measured [m]."""
@@ -156,16 +159,20 @@ class Posture(Rows):
     def by_place(
         self,
         row: Int[Index, "k"],
-        measured: Float[Array, "k 2"],
+        off_m: Float[Array, "k"],
         of_legs: Bool[Mask, "k"],
+        head_is_up: Bool[Mask, "k"],
         speed_m_s: Float[Array, "k"],
         share: Float[Array, "k"],
     ) -> Self:
-        """Weigh those at `row` by their speed [m/s], and by how far from their seats they, or their legs, are measured [m]."""
-        off_m = np.fmax(np.hypot(*(measured - self.seat[row]).T), 0.0)  # 0 without a seat
-        moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / np.where(of_legs, LEGS_REST_M, _SEAT_M)) ** 2
+        """Weigh those at `row` by their speed [m/s], and by how far a sensor measures them from where it does at rest [m].
+
+        head_is_up: whose head a picture shows as high as that of who stands: they do not lie down there.
+        """
+        sigma_m = np.where(head_is_up, _UP_M, np.where(of_legs, LEGS_REST_M, _REST_M))
+        moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / sigma_m) ** 2
         # who stays may stand there as well
-        moves = share * np.maximum(moves - _UP, 0.0)
+        moves = share * np.clip(moves - _UP, 0.0, _MOST)
         return self.weighed(row, -0.5 * moves[:, None] * np.array([0.0, 1.0, 1.0]))
 
     def settled(self, place: Float[Array, "n 2"], legs: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:

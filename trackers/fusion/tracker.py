@@ -254,7 +254,8 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share, of_posture = (np.minimum(np.maximum(since_s / each, _LEAST_SHARE), 1.0) for each in (lasts_s, alike_s))
         posture = people.posture.detected(row, of_lying, of_posture)
-        posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
+        off_m, rest_at = people.off_rest(row, number, place, since_s)
+        posture = people.risen(posture, row, off_m, of_legs, share, ns)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
@@ -282,6 +283,7 @@ class Fusion(SynchronizedTracker):
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
+            rest_at=rest_at,
         )
 
     def _by_trunk(self, people: People, ns: int) -> Bool[Mask, "n"]:

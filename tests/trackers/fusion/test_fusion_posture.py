@@ -67,20 +67,22 @@ def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_wh
     assert sitting.probability[0, 1] > 0.5
     sitting = sitting.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE)
     np.testing.assert_array_equal(sitting.seat, 0)
-    body, legs = np.zeros(1, np.bool_), np.ones(1, np.bool_)
-    for off_m, of_legs, speed_m_s, rests in (
-        (0.1, body, 0.1, True),
-        (0.1, body, 1.0, False),
-        (0.8, body, 0.1, True),
-        (1.5, body, 0.1, False),
-        (0.5, legs, 0.1, True),  # before the seat
-        (1.0, legs, 0.1, False),  # farther than legs reach: they walk
+    no, yes = np.zeros(1, np.bool_), np.ones(1, np.bool_)
+    for off_m, of_legs, head_is_up, speed_m_s, rests in (
+        (0.1, no, no, 0.1, True),
+        (0.1, no, no, 1.0, False),
+        (0.8, no, no, 0.1, True),
+        (0.8, no, yes, 0.1, False),  # who lies down has no head up there
+        (0.2, no, yes, 0.1, True),
+        (1.5, no, no, 0.1, False),
+        (0.5, yes, no, 0.1, True),
+        (1.0, yes, no, 0.1, False),  # farther than legs reach: they walk
     ):
         later = sitting
         for _ in range(3):
-            later = later.by_place(ROW, np.array([[off_m, 0.0]]), of_legs, speed_m_s * ONE, ONE)
+            later = later.by_place(ROW, off_m * ONE, of_legs, head_is_up, speed_m_s * ONE, ONE)
         assert later.rests[0] == rests
-    walks = sitting.by_place(ROW, np.zeros((1, 2)), body, 2.0 * ONE, ONE)
+    walks = sitting.by_place(ROW, np.zeros(1), no, no, 2.0 * ONE, ONE)
     assert np.isnan(walks.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
 
 
