@@ -203,7 +203,7 @@ class People(ImmTracks):
         share: Float[Array, "p"],
         ns: int,
     ) -> Posture:
-        """Return postures of who moves, or is measured off where they rested [m]: surely not of who lies down, with a head as high.
+        """Return postures of who moves, or is measured off where they rested [m]: a head that is up is of nobody who lies down.
 
         share: of the evidence.
         """
@@ -222,7 +222,9 @@ class People(ImmTracks):
         before = np.where(self.posture.rests[row, None], self.rest_at[row, number], np.nan)
         off = np.where(np.isnan(before), 0.0, place - before)
         gain = 1 - np.exp(-since_s / _REST_S)
-        return np.hypot(*off.T), written(self.rest_at, (row, number), place - (1 - gain)[:, None] * off)
+        rest_at = self.rest_at.copy()
+        rest_at[row, number] = place - (1 - gain)[:, None] * off
+        return np.hypot(*off.T), rest_at
 
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
         """Return the people with their heads after pictures that did not show those due.
