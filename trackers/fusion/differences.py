@@ -1,10 +1,12 @@
 """Differences of the places that sources show of people: from what others show now, and from what they showed some time before.
 
-Places are interpolated at ticks, so that sources of any rate are compared at the same times. At each tick and for each shift the
-difference of two sources on a person is predicted by its mean lately, and its error counts by the log-likelihood of a Student's
-t distribution, so that a wrong association counts little. The sums are prequential likelihoods (Dawid 1984) of the shifts. What
-stays alike of a person's differences is in the mean, and so is all that a delay makes on a straight and steady way: only walks
-that bend, start or stop say how late a source is, whatever the constant and radial errors are.
+Places are interpolated at ticks, so that sources of different rates are compared at the same times, down to about one look a
+second: slower ones are not compared. At each tick and for each shift the difference of two sources on a person is predicted by
+its mean lately, and its error counts by the log-likelihood of a Student's t distribution, so that a wrong association counts
+little. The sums are prequential likelihoods (Dawid 1984) of the shifts. What stays alike of a person's differences is in the
+mean, and so is all that a delay makes on a straight and steady way: only walks that bend, start or stop say how late a source is,
+whatever the constant and radial errors are. Of a longer delay than the longest shift, that shift fits best: it is at least as
+long. Longer shifts would be fitted by radial errors.
 """
 
 from __future__ import annotations
@@ -21,21 +23,25 @@ from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS
 
 TICK_S = 0.1
-"""Time between two ticks, and between two shifts [s]."""
+"""Time between two ticks [s]."""
 _TICK_NS = round(TICK_S * NS_PER_S)
 _SHIFTS = np.arange(6)
 """Shifts that are compared [ticks]."""
-_WAIT = 5
-"""Ticks until one is compared: two measurements are interpolated over no longer."""
-_KEPT = _WAIT + len(_SHIFTS)
+LONGEST_S = float(_SHIFTS[-1] * TICK_S)
+"""Longest shift [s]."""
+_LEAST_WAIT, _MOST_WAIT = 5, 15
+"""Ticks until one is compared, by the slowest source: two measurements are interpolated over no longer."""
+_PERIODS, _SHARE_OF_PERIOD = 1.25, 0.1
+"""Periods of a source over which its measurements are interpolated at least, and share of the last in the mean period."""
+_KEPT = int(_MOST_WAIT + _SHIFTS[-1] + 1)
 _MEMORY_S = 3.0
 """Time constant of forgetting [s]."""
 _ALIKE_S = 0.5
-"""Correlation time of what does not stay alike of differences: all looks in it together count as one [s]."""
+"""Correlation time of what does not stay alike of differences, or a period: all looks in it together count as one [s]."""
 _SCALE_M, _ROBUST_M = 0.05, 0.3
 """Scale of the t distribution, and error from which a difference hardly changes the mean [m]."""
-_NATS = 1.5 * TICK_S / _ALIKE_S
-"""Log-likelihood of a tick per log(1 + squared error): a t distribution of one degree of freedom in the plane."""
+_NATS = 1.5
+"""Log-likelihood of a look per log(1 + squared error): a t distribution of one degree of freedom in the plane."""
 _EXISTS = 0.9
 """Existence of tracks on which sources are compared."""
 _FRESH, _FEWEST, _FEWEST_IN_MEANS = 3.0, 20.0, 10.0
@@ -95,10 +101,19 @@ class ShiftedDifferences:
 
     def __init__(self, n_source: int) -> None:
         self._tracks = _Compared.started(np.zeros(0, np.int64), n_source)
-        self._start_ns, self._tick = NEVER_NS, 0  # stamp of tick 0
+        self._start_ns, self._tick, self._compared = NEVER_NS, 0, 0  # stamp of tick 0, the last one, the last compared
+        self._looked_ns, self._period_s = np.full(n_source, NEVER_NS), np.zeros(n_source)
         self._others = ~np.eye(n_source, dtype=np.bool_)
         self._loss = np.zeros((len(_SHIFTS), n_source, n_source))
         self._ticks = np.zeros((n_source, n_source))
+
+    def looked(self, number: int, ns: int) -> None:
+        """Learn the period of source `number` by a look of stamp ns; a time too long to interpolate over is a silence."""
+        since_s = (ns - int(self._looked_ns[number])) / NS_PER_S if self._looked_ns[number] != NEVER_NS else 0.0
+        self._looked_ns[number] = ns
+        if 0 < since_s <= _MOST_WAIT * TICK_S:
+            share = _SHARE_OF_PERIOD if self._period_s[number] else 1.0
+            self._period_s[number] += share * (since_s - self._period_s[number])
 
     def advance(self, people: People, ns: int) -> bool:
         """Take in what sources have shown of people until stamp ns and compare all ticks that are due; return True if any are."""
@@ -111,21 +126,31 @@ class ShiftedDifferences:
         tracks = self._tracks = self._tracks.of(people.roster.id, people.confirmed)
         for sums in (self._loss, self._ticks, tracks.weight):
             sums *= kept
+        wait = np.clip(np.ceil(_PERIODS * self._period_s / TICK_S), _LEAST_WAIT, _MOST_WAIT).astype(np.int64)
+        if whole - self._tick > _KEPT:
+            tracks.at[...] = np.nan
         for tick in range(max(self._tick + 1, whole - _KEPT), whole + 1):
-            self._compare(tick - _WAIT)
+            for due in range(max(self._compared + 1, tick - _MOST_WAIT), tick - wait.max() + 1):
+                self._compare(due)
+                self._compared = due
             tracks.at[:, tick % _KEPT] = np.nan
         self._tick = whole
         known = people.confirmed
         upright = (people.existence > _EXISTS) & ~people.posture.rests  # each kind shows another part of who rests
-        self._interpolate(people.seen_ns[known], people.seen_at[known], upright[known])
+        self._interpolate(people.seen_ns[known], people.seen_at[known], upright[known], wait)
         return True
 
-    def _interpolate(self, seen_ns: Int[Index, "n s"], seen: Float[Array, "n s 2"], compared: Bool[Mask, "n"]) -> None:
-        """Write places at ticks between the last measurements, as of the last tick, and those since then."""
+    def _interpolate(
+        self, seen_ns: Int[Index, "n s"], seen: Float[Array, "n s 2"], compared: Bool[Mask, "n"], wait: Int[Index, "s"]
+    ) -> None:
+        """Write places at ticks between the last measurements, as of the last tick, and those since then.
+
+        wait: the longest time between two of each source [ticks].
+        """
         tracks, last, last_ns = self._tracks, self._tracks.last, self._tracks.last_ns
         since_ns = seen_ns - last_ns
-        follows = (since_ns > 0) & (since_ns <= _WAIT * _TICK_NS) & compared[:, None]
-        ticks = self._tick - np.arange(_WAIT)
+        follows = (since_ns > 0) & (since_ns <= wait * _TICK_NS) & compared[:, None]
+        ticks = self._tick - np.arange(wait.max())
         share = (self._start_ns + ticks * _TICK_NS - last_ns[..., None]) / np.maximum(since_ns, 1)[..., None]
         row, source, tick = np.nonzero(follows[..., None] & (share >= 0) & (share <= 1))
         moved = share[row, source, tick, None] * (seen - last)[row, source]
@@ -153,21 +178,37 @@ class ShiftedDifferences:
         tracks.mean[...] += share[..., None] * error
         tracks.scatter_m2[...] += share[:, 0] * (error_m2[:, 0] - tracks.scatter_m2)
 
-    def lags(self, least_s: float) -> tuple[Float[Array, "s s"], Float[Array, "s s"], Bool[Mask, "s s"]]:
-        """Return evidence [nat] that each source shows people as another did at least a time before; that time [s]; known pairs.
+    def lags(self, least_s: float) -> tuple[Float[Array, "s s"], Float[Array, "s s"]]:
+        """Return evidence [nat] that each source shows people as another did at least a time before, and that time [s].
 
         Evidence is the logarithm of the likelihood ratio of the best such shift against the best smaller one.
         """
         first = int(np.searchsorted(_SHIFTS * TICK_S, least_s))
-        evidence = _NATS * (self._loss[:first].min(axis=0) - self._loss[first:].min(axis=0))
-        best = first + self._loss[first:].argmin(axis=0)[None]
-        around = np.minimum(best + np.array([-1, 0, 1])[:, None, None], _SHIFTS[-1])
-        before, least, after = np.take_along_axis(self._loss, around, axis=0)  # a parabola has its minimum between them
-        between = 0.5 * (before - after) / np.maximum(before - 2 * least + after, 1e-9)
-        inside = (least < after) & (least < before)
-        lag_s = TICK_S * (best[0] + np.where(inside, between, 0.0))
-        known = self._ticks >= _FEWEST
-        return evidence, lag_s, known & known.T
+        alike_s = np.maximum(np.maximum(self._period_s[:, None], self._period_s), _ALIKE_S)
+        evidence = _NATS * TICK_S / alike_s * (self._loss[:first].min(axis=0) - self._loss[first:].min(axis=0))
+        best = first + self._loss[first:].argmin(axis=0)
+        around = np.clip(best + np.array([-1, 0, 1])[:, None, None], 0, len(_SHIFTS) - 1)
+        before, least, after = np.take_along_axis(self._loss, around, axis=0)
+        from_s, at_s, to_s = TICK_S * _SHIFTS[around]
+        falls, rises = (
+            (before - least) / np.maximum(at_s - from_s, TICK_S),
+            (after - least) / np.maximum(to_s - at_s, TICK_S),
+        )
+        share = falls / np.maximum(
+            falls + rises, 1e-9
+        )  # of the way between the middles: a parabola has its minimum there
+        lag_s = np.where((least < after) & (least < before), (from_s + at_s + share * (to_s - from_s)) / 2, at_s)
+        return evidence, lag_s
+
+    @property
+    def known(self) -> Bool[Mask, "s s"]:
+        """Mark the pairs of sources whose delays are known."""
+        return np.minimum(self._ticks, self._ticks.T) >= _FEWEST
+
+    @property
+    def compared(self) -> Bool[Mask, "s s"]:
+        """Mark the pairs of sources of which so much is known that delays and offsets will soon be known, or are."""
+        return np.maximum(self._ticks, self._ticks.T) >= _FEWEST_IN_MEANS / 2
 
     def offsets(self) -> Offsets:
         """Return the means over people of the differences of each two sources."""
@@ -176,7 +217,9 @@ class ShiftedDifferences:
         total = np.maximum(weight.sum(axis=0), 1e-9)
         share, means = weight / total, tracks.mean[:, 0]
         mean = (share[..., None] * means).sum(axis=0)
-        known = total >= _FEWEST_IN_MEANS
+        known = (
+            np.minimum(total, np.maximum(self._ticks, self._ticks.T)) >= _FEWEST_IN_MEANS
+        )  # a delay shows by then, too
         return Offsets(
             together_m=np.hypot(mean[..., 0], mean[..., 1]),
             each_m=(share * np.hypot(means[..., 0], means[..., 1])).sum(axis=0),

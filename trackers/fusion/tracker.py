@@ -197,7 +197,7 @@ class Fusion(SynchronizedTracker):
     def _take(self, looks: dict[int, Look], ns: int) -> None:
         """Take what sources measured at once, by their numbers: associate, update, initiate."""
         people, numbers, suspect = self._people, list(looks), self._agreement.suspect
-        looks = {k: self._agreement.of_suspect(look, k) if suspect[k] else look for k, look in looks.items()}
+        stated, looks = looks, {k: self._agreement.of_suspect(v, k) if suspect[k] else v for k, v in looks.items()}
         elapsed_s, share = {}, {}
         for number, look in looks.items():
             since_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
@@ -208,7 +208,7 @@ class Fusion(SynchronizedTracker):
         paired = [pair(people, *each, by_trunk) for each in zip(looks.values(), missed, strict=True)]
         self._agreement.age(people, ns)
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
-            self._compare(people, looks[number], pairs, chance, share[number], number, ns)
+            self._compare(people, stated[number], pairs, chance, share[number], number, ns)
         self._agreement.found()
         people = self._measured(people, paired, looks, ns)
         for look, pairs in zip(looks.values(), paired, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -37,10 +37,12 @@ def observed(
     errors: np.ndarray,
     sigma_m: np.ndarray = SIGMA_M,
     phase_s: np.ndarray = PHASE_S,
+    every: Sequence[int] = (1,) * len(PHASE_S),
 ) -> tuple[list[tuple[float, int, str]], Agreement]:
     """Feed what sources show of people, truth(t) and errors (t, s, n, 2) [m]; return findings (time, source, sentence).
 
-    delays_s: of each source, the time by which it shows people late; phase_s: of its looks. The agreement comes along.
+    delays_s: of each source, the time by which it shows people late; phase_s: of its looks; every: their periods, in those
+    of `RATE_HZ`. The agreement comes along.
     """
     agreement = Agreement([[f"sensor_{k}"] for k in range(len(delays_s))])
     n = errors.shape[2]
@@ -50,6 +52,8 @@ def observed(
     findings, asked = [], np.zeros(n)
     for k in range(len(errors)):
         for source in np.argsort(phase_s[: len(delays_s)]).tolist():
+            if k % every[source]:
+                continue
             t_s = 100.0 + k / RATE_HZ + float(phase_s[source])
             ns = round(t_s * NS_PER_S)
             agreement.age(people, ns)
@@ -88,6 +92,54 @@ def test_a_delayed_source_is_named_within_seconds_whatever_it_states(
     assert findings[0][0] < 8.0
     assert agreement.suspect.tolist() == [k == late for k in range(3)]
     assert abs(agreement.delays_s[late] - abs(delay_s)) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("delay_s", [-0.8, 0.7, 1.0, 1.5])
+def test_a_delay_beyond_the_longest_shift_is_named_as_at_least_that(seed: int, delay_s: float) -> None:
+    """On ways that are straight until then it may have been named as an offset."""
+    rng = np.random.default_rng(seed)
+    walks = bending(rng, 3)
+    errors = alike(rng, (140, 3, 3, 2), 0.06, 0.3) + rng.normal(scale=0.1, size=(1, 3, 3, 2))
+    findings, agreement = observed(lambda t: on_bends(walks, t), [0.0, delay_s, 0.0], errors, np.full(3, 0.05))
+    assert {source for _, source, _ in findings} == {1}
+    assert " s or more off the time " in agreement.findings[1]
+    assert agreement.offsets_m.max() < 0.2
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("delay_s", "off_m"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.6)])
+@pytest.mark.parametrize("n", [4, 5])
+def test_two_of_four_that_err_alike_name_nobody_and_two_of_five_are_named(
+    seed: int, delay_s: float, off_m: float, n: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    walks, wrong = bending(rng, 3), [1, 2]
+    errors = alike(rng, (120, n, 3, 2), 0.05, 0.3)
+    errors[:, wrong] += [off_m, 0.0]
+    delays_s = [delay_s * (k in wrong) for k in range(n)]
+    phase_s = 0.01 * np.arange(n)
+    findings, agreement = observed(lambda t: on_bends(walks, t), delays_s, errors, np.full(n, 0.05), phase_s, [1] * n)
+    assert {source for _, source, _ in findings} == (set(wrong) if n == 5 else set())
+    assert agreement.suspect.tolist() == [n == 5 and k in wrong for k in range(n)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("delay_s", "off_m"), [(0.3, 0.0), (0.0, 0.5), (0.0, 0.0)])
+@pytest.mark.parametrize("every", [5, 10])
+def test_a_source_of_one_or_two_looks_a_second_is_judged_too(
+    seed: int, delay_s: float, off_m: float, every: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    walks = bending(rng, 3)
+    errors = alike(rng, (200, 3, 3, 2), 0.06, 0.3) + rng.normal(scale=0.05, size=(1, 3, 3, 2))
+    errors[:, 1] += [off_m, 0.0]
+    findings, agreement = observed(
+        lambda t: on_bends(walks, t), [0.0, delay_s, 0.0], errors, np.full(3, 0.05), every=[1, every, 1]
+    )
+    assert {source for _, source, _ in findings} == ({1} if delay_s or off_m else set())
+    assert agreement.suspect.tolist() == [False, bool(delay_s or off_m), False]
+    assert abs(agreement.delays_s[1] - delay_s) < 0.1
 
 
 @settings(max_examples=30, deadline=None)

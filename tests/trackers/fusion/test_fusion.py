@@ -16,6 +16,7 @@ from trackers.check import CORRUPTIONS, check_tracker
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
+from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import pair
 from trackers.fusion.heads import FreePlaces, Heads, gained, sights_of_one, unit_points
 from trackers.fusion.look import Look
@@ -120,6 +121,33 @@ def test_a_sensor_whose_errors_stay_alike_on_straight_ways_is_not_named(seed: in
     tracker = make_tracker("fusion", on, empty)
     list(track_frames(tracker, on, observe(walk, seed)))
     assert tracker.warnings == []  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_suspect_source_is_compared_by_what_it_states_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its measurements count less for tracks, and a suspicion does not judge itself by that."""
+    sigmas_m: dict[bool, list[float]] = {False: [], True: []}
+
+    class Suspecting(Agreement):
+        def take(self, number: int, sigma_m: Any, asked: Any, shown: Any) -> None:
+            sigmas_m[bool(self.suspect[number])].extend(sigma_m.tolist())
+            super().take(number, sigma_m, asked, shown)
+
+        def found(self) -> list[str]:
+            found = super().found()
+            self.suspect[1:] = len(sigmas_m[False]) > 40
+            return found
+
+    monkeypatch.setattr("trackers.fusion.tracker.Agreement", Suspecting)
+    frames_of(*subset("laser", "waist+knee"))
+    assert max(sigmas_m[True]) < 1.5 * max(sigmas_m[False])
+
+
+def test_a_suspect_floor_tells_no_weights() -> None:
+    look = replace(look_of([(0.0, 0.0)]), load_n=np.array([700.0]), starts=np.array([2]))
+    suspect = Agreement([["floor"]]).of_suspect(look, 0)
+    assert suspect.load_n is None
+    assert not suspect.starts.any()
+    assert suspect.covariance[0, 0, 0] > look.covariance[0, 0, 0]
 
 
 def test_who_walks_backwards_has_been_learned_the_wrong_way_round() -> None:
