@@ -62,14 +62,15 @@ class FusedFloor:
         away_m = distances(feet, place)
         closeness = np.exp(-0.5 * (away_m / _NEAR_M) ** 2)
         share = closeness / (closeness.sum(axis=0) + np.exp(-0.5 * (_GATE_M / _NEAR_M) ** 2))
-        share = self._with_other_foot(share, load_n, away_m, np.where(expected.on_feet, expected.weight_n, np.nan))
+        lacking = expected.on_feet & self._on_floor(feet.T, 0.0)  # beside the floor all of the weight lacks
+        share = self._with_other_foot(share, load_n, away_m, np.where(lacking, expected.weight_n, np.nan))
         own_n = share * load_n
         total_n = own_n.sum(axis=1)
         owner = np.flatnonzero(total_n >= _LEAST_N)
         middle = own_n[owner] @ place / total_n[owner, None]
         # what others may have as well says less
         mixed = 1 - (own_n[owner] * share[owner]).sum(axis=1) / total_n[owner]
-        evidence = self._evidence(share, load_n, expected)
+        evidence = self._evidence(share, load_n, expected.weight_n, lacking)
         left_n = load_n * (1 - share.sum(axis=0))
         new = self._unexplained(place, left_n)
         position = np.concatenate([middle, new])
@@ -116,21 +117,23 @@ class FusedFloor:
         return share
 
     @staticmethod
-    def _evidence(share: Float[Array, "n c"], load_n: Float[Array, "c"], expected: Expected) -> Float[Array, "n"]:
+    def _evidence(
+        share: Float[Array, "n c"], load_n: Float[Array, "c"], weight_n: Float[Array, "n"], lacking: Bool[Mask, "n"]
+    ) -> Float[Array, "n"]:
         """Return the evidence of loads that people share with others that each of them is there, −1 to 1, else 1.
 
-        Against it is what the others lack of their weights: who is there bears a weight, and theirs is whole without that. It is
-        the log-likelihood ratio of both for normal errors of the gait, and for who sits there.
+        Against it is what others lack of their weights [N], of those who may: who is there bears a weight, and theirs are whole
+        without that. It is the log-likelihood ratio of both for normal errors of the gait, and for who sits there.
         """
         own_n = share * load_n
-        total_n, weight_n = own_n.sum(axis=1), expected.weight_n
-        lacks_n = np.where(expected.on_feet, np.fmax(weight_n - total_n, 0.0), 0.0)  # 0 of unknown weights
+        total_n = own_n.sum(axis=1)
+        others_n = np.where(lacking, np.nan_to_num(weight_n), 0.0)
         overlap = own_n @ share.T > _MIXED * total_n[:, None]
         np.fill_diagonal(overlap, False)
-        theirs_n = overlap @ lacks_n
-        sigma_n = _GAIT * (np.nan_to_num(weight_n) + overlap @ np.where(expected.on_feet, np.nan_to_num(weight_n), 0.0))
+        theirs_n = overlap @ np.maximum(others_n - total_n, 0.0)
         tells = (theirs_n > 0) & ~np.isnan(weight_n)
-        sigma_n, weight_n = np.where(tells, sigma_n, 1.0), np.where(tells, weight_n, 0.0)
+        weight_n = np.where(tells, weight_n, 1.0)
+        sigma_n = _GAIT * (weight_n + overlap @ others_n)
         there = np.exp(-0.5 * (((total_n - weight_n) ** 2 + theirs_n**2) / sigma_n**2)) + _SEATED
         ratio = np.log(there) + 0.5 * ((total_n - theirs_n) / sigma_n) ** 2
         return np.where(tells, np.clip(ratio, -1.0, 1.0), 1.0)

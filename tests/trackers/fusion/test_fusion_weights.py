@@ -167,6 +167,12 @@ def test_a_foot_that_comes_down_ahead_is_the_walkers_who_lacks_as_much(
     assert not is_foot or (seen.position[seen.owner == 0, 0] > 0.6).all()
 
 
+def test_who_has_left_the_floor_lacks_nothing_of_it() -> None:
+    """A person steps onto the floor beside one who has just left it: another one."""
+    for x, is_new in ((-2.2, True), (-0.8, False)):
+        assert (look({(-1.5, 0.1): 700.0}, standing((x, 0.1), weight_n=(800.0,))).starts.max() > 0) == is_new
+
+
 @pytest.mark.parametrize("hidden", [True, False])
 def test_a_load_that_another_person_lacks_is_no_evidence_of_one_more_there(hidden: bool) -> None:
     """Both are expected about one person's two feet; with the load of two, both are there."""
