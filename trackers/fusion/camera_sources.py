@@ -43,6 +43,8 @@ _SIGMAS, _LEAST_POINTS = 2.5, 12
 class CameraSource:
     """Source of people in the pictures of one camera, up to where depths tell people apart, or beyond."""
 
+    of_legs = False
+
     def __init__(self, camera: Camera, kind: KindOptions, by_posture: Shares, *, beyond: bool) -> None:
         self.names, self.camera = (camera.name,), camera
         self._kind, self._by_posture, self._beyond = kind, by_posture, beyond

@@ -19,6 +19,7 @@ from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.options import KindOptions
 from trackers.fusion.person_state import LEGS
 from trackers.fusion.posture import FLOOR_SHOWN
+from trackers.fusion.weights import GAIT
 from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd
 from trackers.observations import FloorFrame, Observation
 from trackers.rig import FloorSensor
@@ -28,10 +29,10 @@ _NEAR_M, _GATE_M = 0.2, 0.6
 """Standard deviation s of an element's load about its person, and the gate g [m]: half a stride, and where nobody's begins."""
 _LEAST_N = 60.0
 """Load from which it is a person's: a child's on one foot [N]."""
-_STRIDE_M, _LACKS = 0.9, 0.3
+_FOOT_M, _LACKS = 0.9, 0.3
 """A foot is this near to the middle of the other one's load [m]; a person who lacks so much of the weight has another foot."""
-_GAIT, _SEATED = 0.15, 0.05
-"""Standard deviation of loads in weights, and how probably, in that of the usual ones, a person bears another part."""
+_PARTLY = 0.05
+"""How probably, in that of the usual loads, a person bears a part of the weight."""
 _MIXED = 0.1
 """Share of a person's load that may be others', up to which it tells of the weight."""
 _LINKED_M = 0.45
@@ -39,12 +40,17 @@ _LINKED_M = 0.45
 
 
 class FusedFloor:
-    """One pressure floor. empty_room: observations without people, of it and others."""
+    """One pressure floor. empty_room: observations without people, of it and others; floors: all of the rig."""
 
     learns_background = False
+    of_legs = True
 
-    def __init__(self, name: str, floor: FloorSensor, empty_room: Sequence[Observation], kind: KindOptions) -> None:
-        self.names, self._floor, self._kind = (name,), floor, kind
+    def __init__(
+        self, name: str, floors: Mapping[str, FloorSensor], empty_room: Sequence[Observation], kind: KindOptions
+    ) -> None:
+        self.names, self._kind = (name,), kind
+        self._floor = floor = floors[name]
+        self._others = [each for other, each in floors.items() if other != name]
         frames = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == name]
         self._front_end = FloorFrontEnd(floor, frames, FloorClusterOptions())
 
@@ -62,8 +68,9 @@ class FusedFloor:
         away_m = distances(feet, place)
         closeness = np.exp(-0.5 * (away_m / _NEAR_M) ** 2)
         share = closeness / (closeness.sum(axis=0) + np.exp(-0.5 * (_GATE_M / _NEAR_M) ** 2))
-        lacking = expected.on_feet & self._on_floor(feet.T, 0.0)  # beside the floor all of the weight lacks
-        share = self._with_other_foot(share, load_n, away_m, np.where(lacking, expected.weight_n, np.nan))
+        lacking = expected.on_feet & _is_on(self._floor, feet.T, 0.0)  # beside the floor all of the weight lacks
+        weight_n = np.where(lacking, expected.weight_n, np.nan)
+        share, is_foot = self._with_other_foot(share, load_n, away_m, weight_n, expected.confirmed)
         own_n = share * load_n
         total_n = own_n.sum(axis=1)
         owner = np.flatnonzero(total_n >= _LEAST_N)
@@ -76,7 +83,9 @@ class FusedFloor:
         position = np.concatenate([middle, new])
         variance = np.full(len(position), self._kind.sigma_m**2)
         variance[: len(owner)] += (2 * _NEAR_M * mixed) ** 2
-        whole = (mixed < _MIXED) & self._on_floor(middle.T, _NEAR_M)
+        whole = (mixed < _MIXED) & ~is_foot[owner] & _is_on(self._floor, middle.T, _NEAR_M)
+        for other in self._others:  # which may bear the other foot
+            whole &= ~_is_on(other, middle.T, -_FOOT_M / 2)
         whole_n = np.append(np.where(whole, total_n[owner], np.nan), np.full(len(new), np.nan))
         covariance = round_covariance(variance)
         return Look(
@@ -98,23 +107,30 @@ class FusedFloor:
 
     @staticmethod
     def _with_other_foot(
-        share: Float[Array, "n c"], load_n: Float[Array, "c"], away_m: Float[Array, "n c"], weight_n: Float[Array, "n"]
-    ) -> Float[Array, "n c"]:
-        """Return the shares of elements' loads, with what a walking person lacks of the weight [N] where the other foot is.
+        share: Float[Array, "n c"],
+        load_n: Float[Array, "c"],
+        away_m: Float[Array, "n c"],
+        weight_n: Float[Array, "n"],
+        confirmed: Bool[Mask, "n"],
+    ) -> tuple[Float[Array, "n c"], Bool[Mask, "n"]]:
+        """Return the shares of loads [N] with the other foot of walkers who lack some of their weights, and who they are.
 
-        A foot has come down farther ahead than half a stride from where the person is expected: of no known weight, nearly all
-        that lacks, and nobody's who is known.
+        A foot that comes down more than half a stride ahead of where a person is expected is explained by nobody, or has begun a
+        tentative track. It is theirs if it bears nearly what they lack. The nearest take theirs first.
         """
+        is_foot = np.zeros(len(share), np.bool_)
         lacks_n = weight_n - share @ load_n
-        known = ~np.isnan(weight_n)
-        for row in np.flatnonzero(known & (lacks_n > _LACKS * weight_n)):
-            free = 1 - share[known].sum(axis=0)
-            near = away_m[row] < _STRIDE_M
+        lack = np.flatnonzero(lacks_n > _LACKS * weight_n)  # no weight: NaN, no
+        unexplained = share[confirmed].sum(axis=0) < 0.5
+        for row in lack[away_m[lack][:, unexplained].min(axis=1, initial=np.inf).argsort()]:
+            free = 1 - share[confirmed].sum(axis=0)
+            near = away_m[row] < _FOOT_M
             found_n = (free * near) @ load_n
             if _LACKS * weight_n[row] < found_n < lacks_n[row] + _LACKS * weight_n[row]:
-                share = np.where(known[:, None] | ~near, share, 0.0)
+                share = np.where(confirmed[:, None] | ~near, share, 0.0)
                 share[row] += free * near
-        return share
+                is_foot[row] = True
+        return share, is_foot
 
     @staticmethod
     def _evidence(
@@ -130,11 +146,11 @@ class FusedFloor:
         others_n = np.where(lacking, np.nan_to_num(weight_n), 0.0)
         overlap = own_n @ share.T > _MIXED * total_n[:, None]
         np.fill_diagonal(overlap, False)
-        theirs_n = overlap @ np.maximum(others_n - total_n, 0.0)
-        tells = (theirs_n > 0) & ~np.isnan(weight_n)
+        theirs_n, sigma_n = overlap @ np.maximum(others_n - total_n, 0.0), GAIT * (overlap @ others_n)
+        tells = (theirs_n > sigma_n) & ~np.isnan(weight_n)
         weight_n = np.where(tells, weight_n, 1.0)
-        sigma_n = _GAIT * (weight_n + overlap @ others_n)
-        there = np.exp(-0.5 * (((total_n - weight_n) ** 2 + theirs_n**2) / sigma_n**2)) + _SEATED
+        sigma_n += GAIT * weight_n
+        there = np.exp(-0.5 * (((total_n - weight_n) ** 2 + theirs_n**2) / sigma_n**2)) + _PARTLY
         ratio = np.log(there) + 0.5 * ((total_n - theirs_n) / sigma_n) ** 2
         return np.where(tells, np.clip(ratio, -1.0, 1.0), 1.0)
 
@@ -151,12 +167,13 @@ class FusedFloor:
 
     def _missed(self, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return how probably a person there is not felt: on the floor hardly, beside it always."""
-        on_floor = self._on_floor(points.reshape(2, -1), 0.5 * self._floor.pitch_m)
+        on_floor = _is_on(self._floor, points.reshape(2, -1), 0.5 * self._floor.pitch_m)
         return np.where(on_floor, 1 - self._kind.p_detect, 1.0).reshape(points.shape[1:])
 
-    def _on_floor(self, points: Float[Array, "2 k"], margin_m: float) -> Bool[Mask, "k"]:
-        """Mark the points [m] that are on the floor by more than a margin."""
-        pose, floor = self._floor.room_from_sensor, self._floor
-        local = np.linalg.inv(pose.rotation[:2, :2]) @ (points - pose.translation[:2, None])
-        size = np.array([[floor.columns], [floor.rows]]) * floor.pitch_m
-        return np.logical_and.reduce((local > margin_m) & (local < size - margin_m), axis=0)
+
+def _is_on(floor: FloorSensor, points: Float[Array, "2 k"], margin_m: float) -> Bool[Mask, "k"]:
+    """Mark the points [m] that are on a floor by more than a margin."""
+    pose = floor.room_from_sensor
+    local = np.linalg.inv(pose.rotation[:2, :2]) @ (points - pose.translation[:2, None])
+    size = np.array([[floor.columns], [floor.rows]]) * floor.pitch_m
+    return np.logical_and.reduce((local > margin_m) & (local < size - margin_m), axis=0)

@@ -1,6 +1,6 @@
-"""Identities of `fusion`: who comes out of hiding, who comes back, and whose clothes say that two tracks have changed people.
+"""Identities of `fusion`: who comes out of hiding, who comes back, and who has changed tracks with another.
 
-The clothes of each person are learned slowly, and what a track has shown lately beside them. A new track goes on with the
+Clothes and weights of each person are learned slowly, and what a track has shown lately beside them. A new track goes on with the
 identity of a hidden one, or of one that has ended, whose person it can be, as soon as clothes tell; and identities change places
 where the clothes shown lately are another person's rather than the track's own (joint assignment over a window: doubtful looks
 are not learned).
@@ -24,12 +24,16 @@ _EVEN = 0.35
 """Distance of colours at which two looks are as likely one person's as two people's."""
 _COLOUR, _MOST = 12.0, 4.5
 """Log-likelihood ratio per distance of colours, and at most: measured in the twin."""
+_WALKS_FROM_M_S = 0.5
+"""Speed from which a load is a walker's [m/s]: whatever it is, it is the weight."""
 _START_M, _WALKS_M_S = 0.5, 1.0
 """Standard deviations of where a person who has left comes up: at once [m], and by the time since [m/s]."""
 _ANYWHERE_M = 3.0
 """Standard deviation of where others come up, from there [m]."""
 _STAYS_S = 1.0
 """A track may stay for so long where its person is no more, and show another one's clothes [s]."""
+_MOST_ANYWHERE = 2.5
+"""Log-likelihood ratio at most of a place for who has left it, against anywhere in the area."""
 _CHANGED = 4.0
 """Log-likelihood ratio from which two tracks have changed people."""
 _UNKNOWN = 2.0
@@ -79,7 +83,11 @@ class IdentityMemory:
         of_hidden += np.where(new[fresh], 0.5 * self._options.gate**2, 0.0)
         of_hidden += np.nan_to_num(before.weights.log_ratio(after.weights))
         before = before.joined(left)
-        apart = before.clothes.learned_ns[:, None] <= after.roster.born_ns + _STAYS_S * NS_PER_S
+        # who was shown in others' clothes lately was not measured: another one was
+        shown, learned_ns = before.clothes.looked_ns > before.clothes.learned_ns, before.clothes.learned_ns
+        measured_ns = np.where(shown, learned_ns, before.roster.measured_ns)[:, None]
+        last_ns = np.where(new[fresh], learned_ns[:, None], measured_ns)
+        apart = last_ns <= after.roster.born_ns + _STAYS_S * NS_PER_S
         of_left = np.where(new[fresh], self._as_left(left, after, ns), _as_lost(left, after, ns))
         old, now = max_weight_assignment(np.where(apart, np.concatenate([of_hidden, of_left]), 0.0))
         if not old.size:
@@ -109,7 +117,9 @@ class IdentityMemory:
 
     def felt(self, people: People, row: Int[Index, "k"], load_n: Float[Array, "k"], ns: int) -> People:
         """Return people after loads [N] of the whole of those at `row`, each with the identity that its weight tells."""
-        people = people.changed(weights=people.weights.felt(row, load_n, ns, self._options.learns_s))
+        walks = np.hypot(*people.velocity[row].T) > _WALKS_FROM_M_S
+        weights = people.weights.felt(row, load_n, people.positions[row], walks, ns, self._options.learns_s)
+        people = people.changed(weights=weights)
         return self._changed_places(people, row, ns) if self._options.gate else people
 
     def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
@@ -119,22 +129,30 @@ class IdentityMemory:
         """
         clothes, weights, n = people.clothes, people.weights, len(people)
         sure = people.confirmed & ((clothes.n_look >= _FEWEST) | (weights.learned_s >= weights.LATELY_S))
-        seen = sure & (ns - np.maximum(clothes.looked_ns, weights.felt_ns) <= _SEEN_S * NS_PER_S)
-        body = row[sure[row]]
-        colours = np.where(
-            clothes.known[body], _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body])), 0.0
+        recent_ns = ns - round(_SEEN_S * NS_PER_S)
+        shown, borne = (
+            clothes.looked_ns >= recent_ns,
+            (weights.felt_ns >= recent_ns) & (weights.lately_s >= weights.LATELY_S),
         )
-        body = body[colours + weights.own_log_ratio[body] < 0]
+        body, seen = row[sure[row]], sure & (shown | borne)
+        colours = _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body]))
+        own = np.where(clothes.known[body] & shown[body], colours, 0.0)
+        body = body[own + np.where(borne, weights.own_log_ratio, 0.0)[body] < 0]
         if not body.size:
             return people
         ratio, left = np.zeros((n, n)), self._left_of(people, ns)
-        walked = _log_walked(clothes.learned_at, ns - clothes.learned_ns, people.positions[seen])
-        ratio[:, seen] = np.nan_to_num(_log_alike(people, people.select(seen))) + np.nan_to_num(walked)
+        by_weight = weights.learned_ns > clothes.learned_ns
+        last_ns = np.where(by_weight, weights.learned_ns, clothes.learned_ns)
+        last_at = np.where(by_weight[:, None], weights.learned_at, clothes.learned_at)
+        walked = np.nan_to_num(_log_walked(last_at, ns - last_ns, people.positions[seen]))
+        ratio[:, seen] = np.nan_to_num(_log_alike(people, people, shown, borne))[:, seen] + walked
         own = np.maximum(ratio.diagonal(), -_UNKNOWN)
         # of identities and tracks: this one's rather than its own
         other = np.where(sure[:, None], ratio - own, -np.inf)
         back = np.where(seen[:, None], other.T, 0.0)
-        gain = np.concatenate([other + back, self._as_left(left, people, ns) - own])[:, body]
+        of_left = _log_alike(left, people, shown, borne)
+        of_left = np.nan_to_num(of_left, nan=-np.inf) + _log_walked(left.place, _gone_ns(left, ns), people.positions)
+        gain = np.concatenate([other + back, of_left - own])[:, body]
         i, k = np.unravel_index(gain.argmax(), gain.shape)
         if gain[i, k] <= _CHANGED:
             return people
@@ -148,15 +166,15 @@ class IdentityMemory:
         return people.replaced(first, track.identified_as(identity))
 
     def _as_left(self, left: People, people: People, ns: int) -> Float[Array, "l n"]:
-        """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where nothing tells.
+        """Return the log-likelihood ratio of new tracks as people who have left, against others; −∞ where nothing tells.
 
-        Who has not got up is still there, and others may come up anywhere.
+        Others may come up anywhere in the area.
         """
-        since_ns = np.where(left.posture.rests, 0, ns - left.roster.measured_ns)
+        since_ns = _gone_ns(left, ns)
         sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
-        anywhere = np.log(np.maximum(self._room_m2 / (2 * np.pi * sigma_m**2), 1.0))[:, None]
+        anywhere = np.clip(np.log(np.maximum(self._room_m2, 1e-9) / (2 * np.pi * sigma_m**2)), 0.0, _MOST_ANYWHERE)
         alike = np.nan_to_num(_log_alike(left, people), nan=-np.inf)
-        return alike + anywhere + _log_walked(left.place, since_ns, people.positions)
+        return alike + anywhere[:, None] + _log_walked(left.place, since_ns, people.positions)
 
     def _left_of(self, people: People, ns: int) -> People:
         """Return who has left lately enough, none at first."""
@@ -170,11 +188,21 @@ def _log_ratio(distance: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.clip(_COLOUR * (_EVEN - distance), -_MOST, _MOST)
 
 
-def _log_alike(identity: People, tracks: People) -> Float[Array, "n k"]:
-    """Return the log-likelihood ratio of what tracks have shown and borne lately as these people's; NaN where neither tells."""
-    colours = _log_ratio(identity.clothes.distance(tracks.clothes))
-    weights = identity.weights.log_ratio(tracks.weights)
+def _log_alike(
+    identity: People, tracks: People, shown: Bool[Mask, "k"] | bool = True, borne: Bool[Mask, "k"] | bool = True
+) -> Float[Array, "n k"]:
+    """Return the log-likelihood ratio of what tracks have shown and borne lately as these people's; NaN where neither tells.
+
+    shown, borne: the tracks whose clothes, and whose loads, tell.
+    """
+    colours = np.where(shown, _log_ratio(identity.clothes.distance(tracks.clothes)), np.nan)
+    weights = np.where(borne, identity.weights.log_ratio(tracks.weights), np.nan)
     return np.where(np.isnan(colours), weights, colours + np.nan_to_num(weights))
+
+
+def _gone_ns(left: People, ns: int) -> Int[Index, "l"]:
+    """Return for how long people may have walked on since they were measured last [ns]: who has not got up is still there."""
+    return np.where(left.posture.rests, 0, ns - left.roster.measured_ns)
 
 
 def _log_walked(

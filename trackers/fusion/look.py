@@ -37,6 +37,7 @@ class Expected:
     by_trunk: Bool[Mask, "n"]  # of whom a trunk was measured lately: nobody else is there
     weight_n: Float[Array, "n"]  # [N], NaN: not known
     on_feet: Bool[Mask, "n"]  # who bore all of it on their feet lately
+    confirmed: Bool[Mask, "n"]  # tentative ones may be a foot of another person
 
     @property
     def crowns(self) -> Float[Array, "n 3"]:
@@ -116,6 +117,11 @@ class Source(Protocol):
     @property
     def learns_background(self) -> bool:
         """True where the background is learned from the observations as they come."""
+        ...
+
+    @property
+    def of_legs(self) -> bool:
+        """True where legs are measured, not bodies."""
         ...
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:

@@ -53,17 +53,17 @@ class ColourIdentityOptions(Strict):
     """Options of identities: what is remembered of people, and who comes out of hiding."""
 
     memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old stature that is kept by a look")
-    learns_s: float = Field(
-        default=8.0, gt=0, description="time constant in which the colours of clothes are learned [s]"
-    )
+    learns_s: float = Field(default=8.0, gt=0, description="time constant in which clothes and weights are learned [s]")
     recall_s: float = Field(
-        default=300.0, ge=0, description="a person who has left is re-identified by clothes for so long [s]; 0: never"
+        default=300.0,
+        ge=0,
+        description="a person who has left is re-identified by clothes and weight for so long [s]; 0: never",
     )
     gate: float = Field(
         default=4.0,
         ge=0,
         description="Mahalanobis distance of a new track from a hidden one up to which it is that one's person, if their clothes "
-        "tell nothing; 0: never",
+        "and weights tell nothing; 0: never",
     )
 
 

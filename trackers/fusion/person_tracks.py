@@ -22,7 +22,7 @@ from trackers.vision.histogram import chi_squared_distance
 
 _USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
 """Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""
-_SEEN_S, _UP = 0.5, 0.84
+_SHOWN_S, _HEAD_UP = 0.5, 0.84
 """A head that a picture showed no longer ago [s] is that of who stands from this share of the stature on."""
 _REST_S = 2.0
 """Time constant of the mean of places that a source measures of people who rest [s]."""
@@ -114,7 +114,9 @@ class People(ImmTracks):
     doubled_s: Float[Array, "n"]  # for how long they have been where an older track is [s]
     seen_ns: Int[Index, "n s"]  # by each source, the stamp of the last measurement
     seen_at: Float[Array, "n s 2"]  # and its place [m]
-    rest_at: Float[Array, "n s 2"]  # mean place of its measurements while they sit or lie [m]
+    rest_at: Float[
+        Array, "n s 2"
+    ]  # mean place of its measurements while they sit or lie, else that of the last one [m]
 
     @classmethod
     def started(cls, state: ImmState, place: Float[Array, "n 2"], ns: int, n_colour: int, n_source: int) -> Self:
@@ -192,7 +194,9 @@ class People(ImmTracks):
         facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
         speed_m_s, on_feet = np.hypot(*self.velocity.T), self.weights.on_feet(ns)
         weight_n = np.where(self.confirmed, self.weights.newtons, np.nan)
-        return Expected(self.positions, self.head, self.legs, speed_m_s, facing, by_trunk, weight_n, on_feet)
+        return Expected(
+            self.positions, self.head, self.legs, speed_m_s, facing, by_trunk, weight_n, on_feet, self.confirmed
+        )
 
     def risen(
         self,
@@ -207,22 +211,30 @@ class People(ImmTracks):
 
         share: of the evidence.
         """
-        seen = ns - self.heads.seen_ns <= _SEEN_S * NS_PER_S
-        is_up = seen & ~(self.head[:, 2] < _UP * self.stature_m)  # NaN: not known
+        seen = ns - self.heads.seen_ns <= _SHOWN_S * NS_PER_S
+        least_m = _HEAD_UP * np.where(np.isnan(self.stature_m), _LEAST_STATURE_M, self.stature_m)
+        is_up = seen & (self.head[:, 2] >= least_m)
         return posture.by_place(row, off_m, of_legs, is_up[row], np.hypot(*self.velocity[row].T), share)
 
     def off_rest(
-        self, row: Int[Index, "p"], number: Int[Index, "p"], place: Float[Array, "p 2"], since_s: Float[Array, "p"]
+        self,
+        row: Int[Index, "p"],
+        number: Int[Index, "p"],
+        place: Float[Array, "p 2"],
+        since_s: Float[Array, "p"],
+        ns: int,
     ) -> tuple[Float[Array, "p"], Float[Array, "n s 2"]]:
         """Return how far sources measure people at `row` from where they did while these rest [m], and the means with these.
 
-        place: measured by sources `number` [m]; since_s: time since each measured them last. Of one source the part of a body
-        that it shows, and its errors, are alike: its mean tells who moves.
+        place: measured by sources `number` at stamp ns [m]; since_s: time since each measured them last. The part of a body that
+        one source shows, and its errors, are alike: its mean tells who moves. The mean begins where the source measured them
+        within a second before they rested, or first since then.
         """
         before = np.where(self.posture.rests[row, None], self.rest_at[row, number], np.nan)
         off = np.where(np.isnan(before), 0.0, place - before)
         gain = 1 - np.exp(-since_s / _REST_S)
         rest_at = self.rest_at.copy()
+        rest_at[~self.posture.rests[:, None] & (ns - self.seen_ns > NS_PER_S)] = np.nan
         rest_at[row, number] = place - (1 - gain)[:, None] * off
         return np.hypot(*off.T), rest_at
 

@@ -40,7 +40,7 @@ _REST_M_S = 0.25
 """Standard deviation of the speed of people who rest [m/s]."""
 _REST_M, _UP_M = 0.5, 0.2
 """Standard deviations of measurements by one sensor of people who rest about their mean, and of those whose head is up [m]."""
-_UP, _MOST = 3.0, 25.0
+_RISEN, _MOST_RISEN = 3.0, 25.0
 """χ² of one who has stood up, from and up to which it tells."""
 ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
@@ -172,7 +172,7 @@ class Posture(Rows):
         sigma_m = np.where(head_is_up, _UP_M, np.where(of_legs, LEGS_REST_M, _REST_M))
         moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / sigma_m) ** 2
         # who stays may stand there as well
-        moves = share * np.clip(moves - _UP, 0.0, _MOST)
+        moves = share * np.clip(moves - _RISEN, 0.0, _MOST_RISEN)
         return self.weighed(row, -0.5 * moves[:, None] * np.array([0.0, 1.0, 1.0]))
 
     def settled(self, place: Float[Array, "n 2"], legs: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:

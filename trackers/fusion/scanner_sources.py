@@ -48,6 +48,11 @@ class Scanners:
         return self._group.names
 
     @property
+    def of_legs(self) -> bool:
+        """True at knee height."""
+        return self.role == "knee"
+
+    @property
     def learns_background(self) -> bool:
         """True where a scanner came without scans of the empty room."""
         return self._group.learns_background

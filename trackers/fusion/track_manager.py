@@ -30,6 +30,8 @@ _START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
 """Standard deviations of the speed [m/s] and of the place [m] of a person before the first measurement."""
 _FRESH_S = 0.25
 """A track measured no longer ago is confirmed, else it coasts [s]."""
+_BODY_S = 3.0
+"""What only legs have shown of a person for longer tells where they lie [s]."""
 _SURE = 0.9
 """Existence from which a track is confirmed."""
 _LEAST_CONFIRMED, _LEAST_TENTATIVE = 0.2, 0.05
@@ -151,6 +153,9 @@ class FusionTrackManager(TrackManager):
         share: of the evidence; p_detect: of the sensor.
         """
         most = most_nats(p_detect)
+        log_ratio = np.where(
+            share < 0, np.maximum(log_ratio, 0.0), log_ratio
+        )  # what speaks against it never speaks for it
         log = np.bincount(row, share * np.clip(log_ratio, -most, most), len(people))[row]
         before = np.maximum(people.existence[row], LEAST_EXISTENCE)
         existence = existence_after_detection(before, np.exp(np.minimum(log, 50.0)))
@@ -268,16 +273,20 @@ class FusionTrackManager(TrackManager):
         """Mark the tracks that were measured lately."""
         return ns - people.roster.measured_ns <= nanoseconds(_FRESH_S)
 
-    def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place."""
+    def to_report(self, people: People, ns: int, of_legs: Bool[Mask, "s"]) -> Bool[Mask, "n"]:
+        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place.
+
+        of_legs: the sources that measure legs. Of who lies and was measured by these alone it is not known where: half a bed off.
+        """
         reported, fresh = self.reported(people.roster, ns), self.is_fresh(people, ns)
         row = np.flatnonzero(reported & ~fresh)
         if not row.size:
             return reported
         state, position = people.state.select(row), people.positions[row]
         within = probability_within(state, position, self._rules.within_m, people.velocity[row].T)
-        posture = people.posture.select(row)
-        within[posture.lies & ~posture.faces] = 0.0  # half a bed from their feet, who knows which way
+        posture, seen_ns = people.posture.select(row), people.seen_ns[row][:, ~of_legs].max(axis=1, initial=NEVER_NS)
+        by_legs = people.roster.measured_ns[row] - seen_ns > nanoseconds(_BODY_S)
+        within[posture.lies & ~posture.faces & by_legs] = 0.0
         there = (people.existence[row] * within > 0.5) & self.inside(position)
         return written(reported, row, there)
 

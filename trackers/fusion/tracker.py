@@ -85,9 +85,10 @@ class Fusion(SynchronizedTracker):
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
         area = self._manager.area
         cameras = cameras_of(rig, empty_room, self.options, area, prior.environment)
-        floors = [FusedFloor(name, each, empty_room, self.options.floor) for name, each in rig.floors().items()]
+        floors = [FusedFloor(name, rig.floors(), empty_room, self.options.floor) for name in rig.floors()]
         self._scanners = scanners_of(rig, empty_room, self.options, area)
         self._sources: list[Source] = [*self._scanners, *cameras, *floors]
+        self._of_legs = np.array([each.of_legs for each in self._sources])
         alone = len(self._scanners)
         self._groups = [*([k] for k in range(alone)), list(range(alone, alone + len(cameras)))]
         self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]  # associated at once, in turn
@@ -121,7 +122,7 @@ class Fusion(SynchronizedTracker):
         people, ns = self._people, self._ns
         if ns is None or not len(people):
             return []
-        rows = np.flatnonzero(self._manager.to_report(people, ns))
+        rows = np.flatnonzero(self._manager.to_report(people, ns, self._of_legs))
         rows = rows[people.roster.id[rows].argsort()]
         radius_m = radius_containing(people.state, people.positions, 0.95, people.offset_m2)
         shown = ns - people.heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
@@ -254,7 +255,7 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share, of_posture = (np.minimum(np.maximum(since_s / each, _LEAST_SHARE), 1.0) for each in (lasts_s, alike_s))
         posture = people.posture.detected(row, of_lying, of_posture)
-        off_m, rest_at = people.off_rest(row, number, place, since_s)
+        off_m, rest_at = people.off_rest(row, number, place, since_s, ns)
         posture = people.risen(posture, row, off_m, of_legs, share, ns)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)

@@ -94,7 +94,7 @@ def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_
     (camera,) = cameras_of(room_rig(waist=False, knee=False), empty, FusionOptions(), None, None)
     before, nothing = np.array([[0.0, 1.5]]), np.zeros((1, 2))
     head, no = np.array([[0.0, 1.5, head_m]]), np.zeros(1, np.bool_)
-    expected = Expected(before, head, nothing, np.zeros(1), nothing, no, np.full(1, np.nan), no)
+    expected = Expected(before, head, nothing, np.zeros(1), nothing, no, np.full(1, np.nan), no, ~no)
     look = camera.look({"camera": seen}, expected, seen.stamp_ns)
     assert look is not None
     assert (look.missed(np.array([[0.0], [3.0]]))[0] == 1.0) == hides
@@ -102,9 +102,8 @@ def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_
 
 def nobody_expected() -> Expected:
     none = np.empty((0, 2))
-    return Expected(
-        none, np.empty((0, 3)), none, np.empty(0), none, np.empty(0, np.bool_), np.empty(0), np.empty(0, np.bool_)
-    )
+    no = np.empty(0, np.bool_)
+    return Expected(none, np.empty((0, 3)), none, np.empty(0), none, no, np.empty(0), no, no)
 
 
 def shown_by(depth_to_m: float, scale_depth: float = 1.0) -> dict[str, np.ndarray]:

@@ -174,3 +174,16 @@ def test_the_same_clothes_change_nothing() -> None:
     identities = IdentityMemory(ColourIdentityOptions())
     people, _ = looked(identities, people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 2)), [0, 0], 60, 0)
     assert people.roster.id.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("side_by_side", [True, False])
+def test_two_who_were_measured_side_by_side_are_two(side_by_side: bool) -> None:
+    """In the same clothes: the first, at whom no camera looked since then, is hidden beside the second."""
+    identities = IdentityMemory(ColourIdentityOptions())
+    people, ns = looked(identities, people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 2)), [0, 0], 1, 0)
+    born = people.roster.changed(born_ns=np.array([0, NS_PER_S]))
+    now, last_ns = 10 * NS_PER_S, 9 * NS_PER_S if side_by_side else ns
+    clothes = people.clothes.changed(looked_ns=np.array([0, now]))
+    people = people.changed(clothes=clothes, roster=born.changed(measured_ns=np.array([last_ns, now])))
+    after, _ = identities.recognized(people, np.zeros(2, np.bool_), now)
+    assert after.roster.id.tolist() == ([1, 2] if side_by_side else [1])

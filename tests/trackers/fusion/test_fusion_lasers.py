@@ -60,18 +60,11 @@ def test_scans_up_to_half_a_period_apart_are_one_look(late_s: float) -> None:
 def standing(place: Array, by_trunk: Array | None = None) -> Expected:
     """Expect people who stand at these places."""
     n = len(place)
-    shown = np.zeros(n, np.bool_) if by_trunk is None else by_trunk
+    no = np.zeros(n, np.bool_)
+    shown = no if by_trunk is None else by_trunk
     nothing = np.zeros((n, 2))
-    return Expected(
-        place,
-        np.pad(place, ((0, 0), (0, 1))),
-        nothing,
-        np.zeros(n),
-        nothing,
-        shown,
-        np.full(n, np.nan),
-        np.zeros(n, np.bool_),
-    )
+    head = np.pad(place, ((0, 0), (0, 1)))
+    return Expected(place, head, nothing, np.zeros(n), nothing, shown, np.full(n, np.nan), no, ~no)
 
 
 def look_at_legs(walk: Walk, facing: Array, speed_m_s: float, expected_at: Array | None = None) -> Look:

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackers.filters.imm import Imm
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
-from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE
+from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE, PersonMotion
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import DEPTH_SHOWN, FLOOR_SHOWN, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
+from trackers.observations import NS_PER_S
 
 ROW, ONE = np.array([0]), np.ones(1)
 
@@ -84,6 +87,27 @@ def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_wh
         assert later.rests[0] == rests
     walks = sitting.by_place(ROW, np.zeros(1), no, no, 2.0 * ONE, ONE)
     assert np.isnan(walks.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
+
+
+def test_a_sensor_that_first_sees_who_sits_down_elsewhere_does_not_make_them_rise() -> None:
+    """Another sensor saw the person walk four metres off, ten seconds before it sees them sit."""
+    people = People.started(Imm(PersonMotion()).start(np.zeros((1, 2))), np.zeros((1, 2)), 0, 1, 2)
+    first, second, row = np.array([0]), np.array([1]), np.array([0])
+
+    def measured(people: People, number: np.ndarray, x: float, ns: int) -> tuple[People, float]:
+        off_m, rest_at = people.off_rest(row, number, np.array([[x, 0.0]]), 0.1 * ONE, ns)
+        seen_ns = people.seen_ns.copy()
+        seen_ns[0, number] = ns
+        return people.changed(rest_at=rest_at, seen_ns=seen_ns), float(off_m[0])
+
+    people, _ = measured(people, first, 4.0, 0)
+    for ns in range(0, 11 * NS_PER_S, NS_PER_S // 10):
+        if ns > 5 * NS_PER_S:  # sits
+            people = people.changed(posture=people.posture.changed(probability=np.array([[0.0, 1.0, 0.0]])))
+        people, off_m = measured(people, second, 0.3 if ns > 10 * NS_PER_S else 0.0, ns)
+    assert off_m > 0.2
+    people, off_m = measured(people, first, 0.0, 11 * NS_PER_S)
+    assert off_m == 0.0
 
 
 def test_nobody_seen_for_long_is_not_taken_to_lie_but_from_a_seat() -> None:

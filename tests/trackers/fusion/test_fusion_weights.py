@@ -21,16 +21,25 @@ from trackers.observations import NS_PER_S, FloorFrame
 from trackers.rig import FloorSensor
 
 FLOOR = FloorSensor(topic="/floor", room_from_sensor=Pose(xyz=(-2.0, -2.0, 0.0)), rows=20, columns=20, pitch_m=0.2)
+COLOURS, NO = np.eye(2), np.zeros(2, np.bool_)
 SEATED = 0.2
 """Share of the weight that stays on the feet of who sits on a chair."""
 
 
-def borne(loads_n: list[float], rate_hz: float = 10.0, start: Weights | None = None, from_s: float = 0.0) -> Weights:
+def borne(
+    loads_n: list[float],
+    rate_hz: float = 10.0,
+    start: Weights | None = None,
+    from_s: float = 0.0,
+    walks: bool = False,
+    learns_s: float = 8.0,
+) -> Weights:
     """Return the weight of one person after these loads [N]."""
     weights = Weights.unknown(1) if start is None else start
     for number, load_n in enumerate(loads_n):
         ns = round((from_s + number / rate_hz) * NS_PER_S)
-        weights = weights.felt(np.zeros(1, np.intp), np.array([load_n]), ns, 8.0)
+        row, place = np.zeros(1, np.intp), np.zeros((1, 2))
+        weights = weights.felt(row, np.array([load_n]), place, np.array([walks]), ns, learns_s)
     return weights
 
 
@@ -65,6 +74,21 @@ def test_who_was_met_sitting_gets_the_whole_weight_on_rising() -> None:
     assert risen.newtons[0] == pytest.approx(800.0, rel=0.06)
 
 
+def test_who_has_carried_another_one_is_as_light_as_before() -> None:
+    carried = borne(walking(1300.0, 3.0), start=borne(walking(700.0, 4.0)), from_s=4.0, walks=True)
+    assert carried.newtons[0] == pytest.approx(1300.0, rel=0.08)
+    again = borne(walking(700.0, 3.0), start=carried, from_s=7.0, walks=True)
+    assert again.newtons[0] == pytest.approx(700.0, rel=0.08)
+    assert again.on_feet(10 * NS_PER_S).all()
+
+
+def test_one_frame_is_no_weight_and_a_weight_that_is_known_stays_so() -> None:
+    assert not borne([100.0]).known.any()
+    for learns_s in (0.1, 8.0):
+        loads = walking(700.0, 4.0)
+        assert all(borne(loads[:k], learns_s=learns_s).known.all() for k in range(10, 40))
+
+
 def test_nothing_makes_people_heavier_but_a_chair_makes_them_lighter() -> None:
     heavy, light = borne(walking(900.0, 4.0)), borne(walking(600.0, 4.0))
     sits = borne([SEATED * 900.0] * 20)
@@ -76,7 +100,7 @@ def test_nothing_makes_people_heavier_but_a_chair_makes_them_lighter() -> None:
 
 def people_of(weights_n: list[float], places: Array) -> People:
     """Make people who walked for some seconds at places [m], numbered from 1."""
-    people = People.started(Imm(PersonMotion()).start(places, None, 0.1**2), places, 0, 1, 1)
+    people = People.started(Imm(PersonMotion()).start(places, None, 0.1**2), places, 0, 2, 1)
     each = [borne(walking(weight_n, 4.0)) for weight_n in weights_n]
     weights = each[0]
     for more in each[1:]:
@@ -86,13 +110,17 @@ def people_of(weights_n: list[float], places: Array) -> People:
     return people.changed(weights=weights, roster=roster, existence=np.full(n, 0.99))
 
 
+@pytest.mark.parametrize("stale", [True, False])
 @pytest.mark.parametrize("swapped", [True, False])
-def test_two_who_have_changed_weights_have_changed_places(swapped: bool) -> None:
+def test_two_who_have_changed_weights_have_changed_places(swapped: bool, stale: bool) -> None:
+    """Clothes looked at seconds ago tell nothing of now."""
     identities, people = (
         IdentityMemory(ColourIdentityOptions()),
         people_of([900.0, 500.0], np.array([[0.0, 0], [1.0, 0]])),
     )
     loads = [walking(500.0, 2.0), walking(900.0, 2.0)] if swapped else [walking(900.0, 2.0), walking(500.0, 2.0)]
+    if stale:
+        people = people.changed(clothes=people.clothes.looked(np.arange(2), COLOURS, people.positions, NO, 0, 8.0))
     for number, load_n in enumerate(np.transpose(loads)):
         people = identities.felt(people, np.arange(2), load_n, round((4.0 + number / 10) * NS_PER_S))
     assert people.roster.id.tolist() == ([2, 1] if swapped else [1, 2])
@@ -118,20 +146,20 @@ def test_who_lay_down_is_reidentified_there_by_what_the_floor_bears(
     posture = people.posture.changed(probability=np.array([[0.0, 0.0, 1.0]] if lies else [[1.0, 0.0, 0.0]]))
     identities.remember(people.changed(posture=posture), 4 * NS_PER_S)
     place, now = np.array([[away_m, 0.0]]), 64 * NS_PER_S
-    new = People.started(people.state, place, now, 1, 1)
+    new = People.started(people.state, place, now, 2, 1)
     state = Imm(PersonMotion()).start(place, None, 0.1**2)
-    new = new.changed(roster=new.roster.changed(state=state), weights=borne([load_n] * 3, from_s=63.7))
+    new = new.changed(roster=new.roster.changed(state=state), weights=borne([load_n] * 6, from_s=63.4))
     after, to_confirm = identities.recognized(new, np.ones(1, np.bool_), now)
     assert (after.roster.id.tolist() == [1]) == comes_back == (not to_confirm.any())
 
 
-def look(loads: dict[tuple[float, float], float], expected: Expected) -> Look:
+def look(loads: dict[tuple[float, float], float], expected: Expected, **others: FloorSensor) -> Look:
     """Look at a floor with loads [N] at places [m]."""
     load_n = np.zeros((FLOOR.rows, FLOOR.columns))
     for (x, y), each in loads.items():
         load_n[np.unravel_index(np.hypot(*(FLOOR.centres - (x, y)).transpose(2, 0, 1)).argmin(), load_n.shape)] += each
     values = np.rint(FLOOR.curve.signal(load_n)).astype(np.uint8)
-    seen = FusedFloor("floor", FLOOR, [], FusionOptions().floor).look(
+    seen = FusedFloor("floor", {"floor": FLOOR, **others}, [], FusionOptions().floor).look(
         {"floor": FloorFrame("floor", 0, values)}, expected, 0
     )
     assert seen is not None
@@ -144,7 +172,7 @@ def standing(*places: tuple[float, float], weight_n: tuple[float, ...], on_feet:
     nothing = np.zeros((n, 2))
     no = np.zeros(n, np.bool_)
     feet = np.full(n, on_feet)
-    return Expected(at, np.pad(at, ((0, 0), (0, 1))), nothing, np.zeros(n), nothing, no, np.array(weight_n), feet)
+    return Expected(at, np.pad(at, ((0, 0), (0, 1))), nothing, np.zeros(n), nothing, no, np.array(weight_n), feet, ~no)
 
 
 @pytest.mark.parametrize(
@@ -165,6 +193,25 @@ def test_a_foot_that_comes_down_ahead_is_the_walkers_who_lacks_as_much(
     seen = look({(0.1, 0.1): behind_n, (0.8, 0.1): ahead_n}, expected)
     assert (seen.starts.max() == 0) == is_foot
     assert not is_foot or (seen.position[seen.owner == 0, 0] > 0.6).all()
+
+
+def test_loads_of_confirmed_people_are_no_walkers_foot_whether_their_weight_is_known_or_not() -> None:
+    for weight_n, load_n in ((np.nan, 700.0), (700.0, 150.0)):
+        expected = standing((0.1, 0.1), (0.9, 0.1), weight_n=(800.0, weight_n))
+        expected = replace(expected, on_feet=np.array([True, False]))
+        seen = look({(0.1, 0.1): 100.0, (0.9, 0.1): load_n}, expected)
+        np.testing.assert_allclose(seen.position[seen.owner == 1], [[0.9, 0.1]], atol=0.1)
+        tentative = replace(expected, confirmed=np.array([True, False]))
+        seen = look({(0.1, 0.1): 100.0, (0.9, 0.1): 700.0}, tentative)
+        assert not (seen.owner == 1).any() and seen.position[seen.owner == 0, 0] > 0.6
+
+
+def test_feet_do_not_depend_on_the_order_of_tracks() -> None:
+    places, loads = [(0.1, 0.1), (0.5, 1.3)], {(0.1, 0.1): 80.0, (0.5, 1.3): 90.0, (0.7, 0.5): 700.0}
+    seen = look(loads, standing(*places, weight_n=(800.0, 760.0)))
+    other = look(loads, standing(*places[::-1], weight_n=(760.0, 800.0)))
+    found = [look.position[look.owner.argsort()] for look in (seen, other)]
+    np.testing.assert_allclose(found[0], found[1][::-1])
 
 
 def test_who_has_left_the_floor_lacks_nothing_of_it() -> None:
@@ -195,3 +242,8 @@ def test_the_weight_is_of_who_is_alone_and_all_on_the_floor() -> None:
     assert known((0.1, 0.1), (0.5, 0.1)) == [False, False]
     assert known((0.1, 0.1), (1.5, 0.1)) == [True, True]
     assert known((-1.9, 0.1)) == [False]
+    at = (-1.7, 0.1)
+    assert known(at) == [True]
+    beside = FLOOR.model_copy(update={"room_from_sensor": Pose(xyz=(-6.0, -2.0, 0.0))})
+    seen = look({at: 700.0}, standing(at, weight_n=(np.nan,)), beside=beside)  # which may bear a foot
+    assert seen.load_n is not None and np.isnan(seen.load_n).all()
