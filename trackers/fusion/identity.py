@@ -151,7 +151,7 @@ class IdentityMemory:
         other = np.where(sure[:, None], ratio - own, -np.inf)
         back = np.where(seen[:, None], other.T, 0.0)
         of_left = _log_alike(left, people, shown, borne)
-        of_left = np.nan_to_num(of_left, nan=-np.inf) + _log_walked(left.place, _gone_ns(left, ns), people.positions)
+        of_left = np.nan_to_num(of_left, nan=-np.inf) + _log_walked(left.place, _walked_ns(left, ns), people.positions)
         gain = np.concatenate([other + back, of_left - own])[:, body]
         i, k = np.unravel_index(gain.argmax(), gain.shape)
         if gain[i, k] <= _CHANGED:
@@ -170,7 +170,7 @@ class IdentityMemory:
 
         Others may come up anywhere in the area.
         """
-        since_ns = _gone_ns(left, ns)
+        since_ns = _walked_ns(left, ns)
         sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
         anywhere = np.clip(np.log(np.maximum(self._room_m2, 1e-9) / (2 * np.pi * sigma_m**2)), 0.0, _MOST_ANYWHERE)
         alike = np.nan_to_num(_log_alike(left, people), nan=-np.inf)
@@ -200,7 +200,7 @@ def _log_alike(
     return np.where(np.isnan(colours), weights, colours + np.nan_to_num(weights))
 
 
-def _gone_ns(left: People, ns: int) -> Int[Index, "l"]:
+def _walked_ns(left: People, ns: int) -> Int[Index, "l"]:
     """Return for how long people may have walked on since they were measured last [ns]: who has not got up is still there."""
     return np.where(left.posture.rests, 0, ns - left.roster.measured_ns)
 
