@@ -32,7 +32,7 @@ _LEAST_N = 60.0
 _FOOT_M, _LACKS = 0.9, 0.3
 """A foot is this near to the middle of the other one's load [m]; a person who lacks so much of the weight has another foot."""
 _PARTLY = 0.05
-"""How probably, in that of the usual loads, a person bears a part of the weight."""
+"""Density of loads of who bears a part of the weight, in that of usual loads at their mean."""
 _MIXED = 0.1
 """Share of a person's load that may be others', up to which it tells of the weight."""
 _LINKED_M = 0.45

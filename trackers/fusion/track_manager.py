@@ -31,7 +31,7 @@ _START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
 _FRESH_S = 0.25
 """A track measured no longer ago is confirmed, else it coasts [s]."""
 _BODY_S = 3.0
-"""What only legs have shown of a person for longer tells where they lie [s]."""
+"""Time without a measurement of the body after which it is not known where the person lies [s]."""
 _SURE = 0.9
 """Existence from which a track is confirmed."""
 _LEAST_CONFIRMED, _LEAST_TENTATIVE = 0.2, 0.05
