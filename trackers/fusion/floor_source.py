@@ -115,8 +115,8 @@ class FusedFloor:
     ) -> tuple[Float[Array, "n c"], Bool[Mask, "n"]]:
         """Return the shares of loads [N] with the other foot of walkers who lack some of their weights, and who they are.
 
-        A foot that comes down more than half a stride ahead of where a person is expected is explained by nobody, or has initiated a
-        tentative track. It is theirs if it bears nearly what they lack. The nearest take theirs first.
+        A foot that comes down more than half a stride ahead of where a person is expected is explained by nobody, or it has
+        initiated a tentative track. It is theirs if it bears nearly what they lack. The nearest take theirs first.
         """
         is_foot = np.zeros(len(share), np.bool_)
         lacks_n = weight_n - share @ load_n
