@@ -50,12 +50,13 @@ class FusedFloor:
     ) -> None:
         self.names, self._kind = (name,), kind
         self._floor = floor = floors[name]
-        self._others = [each for other, each in floors.items() if other != name]
+        self._floors, self._reporting = floors, {name}
         frames = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == name]
         self._front_end = FloorFrontEnd(floor, frames, FloorClusterOptions())
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the middles of the loads of expected people, and clusters of what none of them explains."""
+        self._reporting |= self._floors.keys() & observations.keys()
         frame = observations.get(self.names[0])
         if not isinstance(frame, FloorFrame):
             return None
@@ -84,8 +85,8 @@ class FusedFloor:
         variance = np.full(len(position), self._kind.sigma_m**2)
         variance[: len(owner)] += (2 * _NEAR_M * mixed) ** 2
         whole = (mixed < _MIXED) & ~is_foot[owner] & _is_on(self._floor, middle.T, _NEAR_M)
-        for other in self._others:  # which may bear the other foot
-            whole &= ~_is_on(other, middle.T, -_FOOT_M / 2)
+        for other in self._reporting - {*self.names}:  # which may bear the other foot
+            whole &= ~_is_on(self._floors[other], middle.T, -_FOOT_M / 2)
         whole_n = np.append(np.where(whole, total_n[owner], np.nan), np.full(len(new), np.nan))
         covariance = round_covariance(variance)
         return Look(

@@ -159,9 +159,10 @@ def look(loads: dict[tuple[float, float], float], expected: Expected, **others: 
     for (x, y), each in loads.items():
         load_n[np.unravel_index(np.hypot(*(FLOOR.centres - (x, y)).transpose(2, 0, 1)).argmin(), load_n.shape)] += each
     values = np.rint(FLOOR.curve.signal(load_n)).astype(np.uint8)
-    seen = FusedFloor("floor", {"floor": FLOOR, **others}, [], FusionOptions().floor).look(
-        {"floor": FloorFrame("floor", 0, values)}, expected, 0
-    )
+    source = FusedFloor("floor", {"floor": FLOOR, **others}, [], FusionOptions().floor)
+    for name in others:
+        source.look({name: FloorFrame(name, 0, np.zeros_like(values))}, expected, 0)
+    seen = source.look({"floor": FloorFrame("floor", 0, values)}, expected, 0)
     assert seen is not None
     return seen
 
