@@ -66,8 +66,8 @@ class IdentityMemory:
         """Let tracks that are about to be confirmed, or have just been looked at, go on with identities of others.
 
         Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
-        person may have left where no sensor looks; a person who has left walks on. None is a person who was still looked at
-        once the track was there. The hidden track ends. Returns the tracks, and which of them are still to be confirmed.
+        person may have left where no sensor looks; a person who has left walks on. None is a person who was still shown, or
+        measured, once the track was there. The hidden track ends. Returns the tracks, and which are still to be confirmed.
         """
         fresh = np.flatnonzero(new | (people.confirmed & (people.clothes.looked_ns == ns)))
         gap_s = (ns - people.roster.measured_ns) / NS_PER_S
@@ -130,10 +130,8 @@ class IdentityMemory:
         clothes, weights, n = people.clothes, people.weights, len(people)
         sure = people.confirmed & ((clothes.n_look >= _FEWEST) | (weights.learned_s >= weights.LATELY_S))
         recent_ns = ns - round(_SEEN_S * NS_PER_S)
-        shown, borne = (
-            clothes.looked_ns >= recent_ns,
-            (weights.felt_ns >= recent_ns) & (weights.lately_s >= weights.LATELY_S),
-        )
+        shown = clothes.looked_ns >= recent_ns
+        borne = (weights.felt_ns >= recent_ns) & (weights.lately_s >= weights.LATELY_S)
         body, seen = row[sure[row]], sure & (shown | borne)
         colours = _log_ratio(chi_squared(clothes.reference[body], clothes.lately[body]))
         own = np.where(clothes.known[body] & shown[body], colours, 0.0)
@@ -150,8 +148,7 @@ class IdentityMemory:
         # of identities and tracks: this one's rather than its own
         other = np.where(sure[:, None], ratio - own, -np.inf)
         back = np.where(seen[:, None], other.T, 0.0)
-        of_left = _log_alike(left, people, shown, borne)
-        of_left = np.nan_to_num(of_left, nan=-np.inf) + _log_walked(left.place, _walked_ns(left, ns), people.positions)
+        of_left = _log_back(left, people, _walked_ns(left, ns), shown, borne)
         gain = np.concatenate([other + back, of_left - own])[:, body]
         i, k = np.unravel_index(gain.argmax(), gain.shape)
         if gain[i, k] <= _CHANGED:
@@ -173,8 +170,7 @@ class IdentityMemory:
         since_ns = _walked_ns(left, ns)
         sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
         anywhere = np.clip(np.log(np.maximum(self._room_m2, 1e-9) / (2 * np.pi * sigma_m**2)), 0.0, _MOST_ANYWHERE)
-        alike = np.nan_to_num(_log_alike(left, people), nan=-np.inf)
-        return alike + anywhere[:, None] + _log_walked(left.place, since_ns, people.positions)
+        return _log_back(left, people, since_ns) + anywhere[:, None]
 
     def _left_of(self, people: People, ns: int) -> People:
         """Return who has left lately enough, none at first."""
@@ -213,11 +209,23 @@ def _log_walked(
     return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
 
 
+def _log_back(
+    left: People,
+    people: People,
+    since_ns: Int[Index, "l"],
+    shown: Bool[Mask, "n"] | bool = True,
+    borne: Bool[Mask, "n"] | bool = True,
+) -> Float[Array, "l n"]:
+    """Return the log-likelihood ratio of tracks as people who may have walked for a time [ns], by their looks and places.
+
+    −∞ where no look tells; shown, borne: see `_log_alike`.
+    """
+    alike = np.nan_to_num(_log_alike(left, people, shown, borne), nan=-np.inf)
+    return alike + _log_walked(left.place, since_ns, people.positions)
+
+
 def _as_lost(left: People, people: People, ns: int) -> Float[Array, "l n"]:
-    """Return that of tracks followed for some time as people who were lost near by lately; −∞ of who was followed out."""
+    """Return the log-likelihood ratio of tracks followed for some time as people who were lost; −∞ of who was followed out."""
     gap_ns = ns - left.roster.measured_ns
     late = 2 * np.log(np.minimum(_ANYWHERE_M / (_START_M + _WALKS_M_S * gap_ns / NS_PER_S), 1.0))
-    late = np.where(left.existence < 0.5, late, -np.inf)[:, None]
-    return (
-        np.nan_to_num(_log_alike(left, people), nan=-np.inf) + late + _log_walked(left.place, gap_ns, people.positions)
-    )
+    return _log_back(left, people, gap_ns) + np.where(left.existence < 0.5, late, -np.inf)[:, None]

@@ -113,7 +113,7 @@ class Weights(Rows):
 
     @property
     def own_log_ratio(self) -> Float[Array, "n"]:
-        """The same of what each track has borne lately as its own person's, 0: unknown."""
+        """Log-likelihood ratio of what each track has borne lately as its own person's, against others'; 0: unknown."""
         ratio = _log_ratio(self.reference, self.learned_s, self.lately, self.lately_s)
         return np.where(self.known, np.nan_to_num(ratio), 0.0)
 
