@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from multiprocessing import resource_tracker
@@ -11,17 +12,36 @@ from typing import Any, cast
 
 from distributed import LocalCluster, Nanny, Scheduler, SpecCluster, Worker
 
+_of_thread = threading.local()
 
-class _WithoutWebServer:
+
+def _is_of_others(_record: logging.LogRecord) -> bool:
+    """Return False in the thread of a run's own Dask, where each record is written."""
+    return not getattr(_of_thread, "is_ours", False)
+
+
+class _Private:
+    """Server of Dask that is seen and heard by nobody but its run."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Silence Dask in this thread, that of the server's loop, up to its end.
+
+        `silence_logs` ends while the server closes, and connections that end later are still written.
+        """
+        _of_thread.is_ours = True
+        for handler in logging.getLogger("distributed").handlers:
+            handler.addFilter(_is_of_others)
+        super().__init__(*arguments, **options)
+
     def start_http_server(self, *arguments: Any, **options: Any) -> None:
         """Start none: it would show tasks, logs and call stacks to everybody on this machine."""
 
 
-class _Scheduler(_WithoutWebServer, Scheduler):
+class _Scheduler(_Private, Scheduler):
     """Scheduler that answers only who has the certificate of the run."""
 
 
-class _Worker(_WithoutWebServer, Worker):
+class _Worker(_Private, Worker):
     """Worker that answers only who has the certificate of the run."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import re
 import signal
@@ -14,7 +15,10 @@ from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from http.client import HTTPException
+from io import StringIO
 from pathlib import Path
+from threading import Event
+from typing import Any
 from urllib.request import urlopen
 
 import numpy as np
@@ -329,6 +333,34 @@ if __name__ == "__main__":
     except KeyboardInterrupt:
         print("interrupted")
 """
+
+
+def _log_later() -> None:
+    """Log in a worker as Dask does in its loop, at the level that a server has that closed."""
+    logger = logging.getLogger("distributed")
+    for handler in logger.handlers:
+        handler.setLevel(logging.NOTSET)
+    logger.warning("from a worker")
+
+
+def test_dask_is_silent_to_the_end_of_a_run_and_only_in_it(capfd: pytest.CaptureFixture[str]) -> None:
+    """Its connections end after it has closed."""
+    core = logging.getLogger("distributed.core")
+    written = StringIO()
+    handler = logging.StreamHandler(written)
+    logging.getLogger("distributed").addHandler(handler)
+    try:
+        with open_cluster(jobs=1) as opened:
+            loop: Any = opened.client.loop
+            handler.setLevel(logging.NOTSET)  # as while a cluster closes
+            ended = Event()
+            loop.add_callback(lambda: (core.warning("a stream ended"), ended.set()))
+            assert ended.wait(10)
+            opened.client.run(_log_later)
+        core.warning("of the user's own")
+    finally:
+        logging.getLogger("distributed").removeHandler(handler)
+    assert written.getvalue() == "of the user's own\n" and "a worker" not in "".join(capfd.readouterr())
 
 
 @pytest.mark.parametrize("after_s", [0.2, 1.0])
