@@ -55,6 +55,8 @@ LEGS_REST_M = 0.32
 """Standard deviation, on each axis, of the legs of who sits or lies from the pelvis [m]."""
 _LEGS_M, _LEGS_STAY_S = np.array([0.03, LEGS_REST_M, LEGS_REST_M]), np.array([0.3, 10.0, 10.0])
 """Standard deviation, on each axis, of the legs from the pelvis [m], and time constant in which they go elsewhere [s]."""
+_STRAY, _STRAY_M2 = 0.05, 4.0
+"""Share of legs that are another's, or of a pelvis that is elsewhere, anywhere in an area [m²]."""
 _STRIDE_M = 0.1
 """Standard deviation, on each axis, of a walker's legs about there at one look [m]."""
 
@@ -146,7 +148,8 @@ class Posture(Rows):
     ) -> Self:
         """Weigh those at `row` by how far legs are from where the pelvis is expected [m], last measured since_s ago [s]."""
         variance = _LEGS_M**2 + _STRIDE_M**2 + variance_m2[:, None]
-        log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(variance)
+        log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(2 * np.pi * variance)
+        log = np.logaddexp(np.log1p(-_STRAY) + log, np.log(_STRAY / _STRAY_M2))
         return self.weighed(row, (since_s / _LEGS_ALIKE_S)[:, None] * log)
 
     def legs_there(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
