@@ -177,12 +177,8 @@ class HeadWeighing:
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
         heads = self._faced(heads, row, mean[here], views, in_view[:, row], share[row])
         place, R = gained(*(each[here] for each in (*before, mean, C)))
-        return (
-            heads,
-            row,
-            place,
-            R + along[:, :, None] * along[:, None] / _KNOWS_NOTHING,
-        )  # how large it is is not known
+        R += along[:, :, None] * along[:, None] / _KNOWS_NOTHING  # how large a head is is not known
+        return heads, row, place, R
 
     def _weighed(
         self,
