@@ -37,6 +37,8 @@ _SAME_M = 0.18
 """Distance within which two heads are one [m]."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
+_ALONG_M = 1.0
+"""Standard deviation, along the sight, of a head that one camera without distances shows: how large it is is not known [m]."""
 _LEAST_C = 1e-10 * np.eye(3)
 """Added to covariances, so that rounding leaves them positive definite [m²]."""
 _KNOWS_NOTHING = 0.1
@@ -177,8 +179,7 @@ class HeadWeighing:
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
         heads = self._faced(heads, row, mean[here], views, in_view[:, row], share[row])
         place, R = gained(*(each[here] for each in (*before, mean, C)))
-        R += along[:, :, None] * along[:, None] / _KNOWS_NOTHING  # how large a head is is not known
-        return heads, row, place, R
+        return heads, row, place, R + _ALONG_M**2 * along[:, :, None] * along[:, None]
 
     def _weighed(
         self,

@@ -252,8 +252,8 @@ class People(ImmTracks):
         """Learn the statures of people at `row` by heights of their heads, while they stand: sooner higher ones than lower."""
         crown, old = height_m + CROWN_M, self.stature_m[row]
         stands = self.posture.probability[row, 0]
-        gain = stands * np.where(crown > old, 1 - memory, _SINKS)
-        learned = old + gain * (crown - old)
+        slowly = 1 - _SINKS * stands
+        learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)
         sure = variance_m2 < _SURE_M**2
         first = np.where((stands > 0.5) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))

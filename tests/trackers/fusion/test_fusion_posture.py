@@ -9,7 +9,7 @@ import numpy as np
 from trackers.filters.imm import Imm
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
-from trackers.fusion.person_state import CROWN_M, HEAD_PLACE, LEGS, OUTLINE, PLACE, PersonMotion
+from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE, PersonMotion
 from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import DEPTH_SHOWN, FLOOR_SHOWN, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 from trackers.observations import NS_PER_S
@@ -101,15 +101,6 @@ def test_legs_farther_off_than_a_sitting_persons_tell_no_posture() -> None:
         odds = posture.probability[:, 1] / posture.probability[:, 0]
         assert (np.diff(odds) < 1e-9).all() and odds[0] > 1.5 * odds[-1]
         np.testing.assert_allclose(odds[-1], 0.09 / 0.9, rtol=0.01)
-
-
-def test_a_head_above_the_stature_is_learned_of_who_stands_and_of_nobody_who_sits() -> None:
-    people = People.started(Imm(PersonMotion()).start(np.zeros((2, 2))), np.zeros((2, 2)), 0, 1, 1)
-    posture = people.posture.changed(probability=np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-    people = people.changed(posture=posture, stature_m=np.array([1.7, 1.7]))
-    for _ in range(30):
-        people = people.learn_stature(np.arange(2), np.full(2, 1.9), np.full(2, 0.02**2), 0.8)
-    np.testing.assert_allclose(people.stature_m, [1.9 + CROWN_M, 1.7], atol=0.01)
 
 
 def test_a_sensor_that_first_sees_who_sits_down_elsewhere_does_not_make_them_rise() -> None:
