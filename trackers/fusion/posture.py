@@ -55,8 +55,10 @@ LEGS_REST_M = 0.32
 """Standard deviation, on each axis, of the legs of who sits or lies from the pelvis [m]."""
 _LEGS_M, _LEGS_STAY_S = np.array([0.03, LEGS_REST_M, LEGS_REST_M]), np.array([0.3, 10.0, 10.0])
 """Standard deviation, on each axis, of the legs from the pelvis [m], and time constant in which they go elsewhere [s]."""
-_STRAY, _STRAY_M2 = 0.05, 4.0
-"""Share of legs that are another's, or of a pelvis that is elsewhere, anywhere in an area [m²]."""
+_STRAY = 0.05
+"""Share of measurements of legs that are another's, or of a person whose place is wrong."""
+_STRAY_M2 = 4.0
+"""Area in which those are, anywhere: about that within reach of the place [m²]."""
 _STRIDE_M = 0.1
 """Standard deviation, on each axis, of a walker's legs about there at one look [m]."""
 
@@ -150,7 +152,7 @@ class Posture(Rows):
         variance = _LEGS_M**2 + _STRIDE_M**2 + variance_m2[:, None]
         log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(2 * np.pi * variance)
         log = np.logaddexp(np.log1p(-_STRAY) + log, np.log(_STRAY / _STRAY_M2))
-        return self.weighed(row, (since_s / _LEGS_ALIKE_S)[:, None] * log)
+        return self.weighed(row, np.minimum(since_s / _LEGS_ALIKE_S, 1.0)[:, None] * log)
 
     def legs_there(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Return the long-run variance of the offsets of legs on each axis [m²], and the rate at which they change [1/s].

@@ -15,9 +15,19 @@ from distributed import LocalCluster, Nanny, Scheduler, SpecCluster, Worker
 _of_thread = threading.local()
 
 
-def _is_of_others(_record: logging.LogRecord) -> bool:
-    """Return False in the thread of a run's own Dask, where each record is written."""
-    return not getattr(_of_thread, "is_ours", False)
+def _is_of_others(record: logging.LogRecord) -> bool:
+    """Return False for records of Dask in the thread of a run's own servers; each is filtered where it is logged."""
+    return not (getattr(_of_thread, "is_ours", False) and record.name.split(".")[0] == "distributed")
+
+
+def _silence_thread() -> None:
+    """Write no records of Dask that this thread logs, up to its end."""
+    _of_thread.is_ours = True
+    logger: logging.Logger | None = logging.getLogger("distributed")
+    while logger is not None:
+        for handler in logger.handlers:
+            handler.addFilter(_is_of_others)
+        logger = logger.parent if logger.propagate else None
 
 
 class _Private:
@@ -28,9 +38,7 @@ class _Private:
 
         `silence_logs` ends while the server closes, and connections that end later are still written.
         """
-        _of_thread.is_ours = True
-        for handler in logging.getLogger("distributed").handlers:
-            handler.addFilter(_is_of_others)
+        _silence_thread()
         super().__init__(*arguments, **options)
 
     def start_http_server(self, *arguments: Any, **options: Any) -> None:

@@ -89,18 +89,22 @@ def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_wh
     assert np.isnan(walks.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
 
 
-def test_legs_farther_off_than_a_sitting_persons_tell_no_posture() -> None:
+def test_the_farther_off_legs_are_the_less_they_tell_of_who_sits() -> None:
     """They are another's, or the place is wrong: who walks away from a place must not sit there the more surely."""
     off_m = np.array([0.8, 1.2, 2.0, 4.0])
-    row = np.arange(len(off_m))
+    row, apart = np.arange(4), np.column_stack([off_m, 0 * off_m])
     for sigma_m in (0.0, 0.2):
-        apart = np.column_stack([off_m, 0 * off_m])
-        posture = Posture.upright(len(off_m)).by_legs(
-            row, apart, np.full(len(off_m), sigma_m**2), np.full(len(off_m), 0.1)
-        )
+        posture = Posture.upright(4).by_legs(row, apart, np.full(4, sigma_m**2), np.full(4, 0.1))
         odds = posture.probability[:, 1] / posture.probability[:, 0]
-        assert (np.diff(odds) < 1e-9).all() and odds[0] > 1.5 * odds[-1]
+        assert (np.diff(odds) < 1e-9).all()
         np.testing.assert_allclose(odds[-1], 0.09 / 0.9, rtol=0.01)
+    # 5 % strays over 4 m², and legs 0.32 m about a sitting person's place and a stride of 0.1 m: for a third of the time alike
+    variance = 0.32**2 + 0.1**2
+    sits = 0.95 * np.exp(-0.5 * 0.8**2 / variance) / (2 * np.pi * variance) + 0.05 / 4
+    once = Posture.upright(1).by_legs(ROW, apart[:1], np.zeros(1), 0.1 * ONE).probability[0]
+    np.testing.assert_allclose(once[1] / once[0], 0.1 * (sits / (0.05 / 4)) ** (1 / 3), rtol=1e-3)
+    long, alike = (Posture.upright(1).by_legs(ROW, apart[:1], np.zeros(1), s * ONE).probability for s in (5.0, 0.3))
+    np.testing.assert_allclose(long, alike)
 
 
 def test_a_sensor_that_first_sees_who_sits_down_elsewhere_does_not_make_them_rise() -> None:

@@ -29,7 +29,7 @@ from distributed import LocalCluster
 from synthetic_work import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import dask_runner, tasks
+from twin.suites import dask_runner, local_cluster, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.dask_runner import run_on
 from twin.suites.local_cluster import PrivateCluster
@@ -343,24 +343,33 @@ def _log_later() -> None:
     logger.warning("from a worker")
 
 
-def test_dask_is_silent_to_the_end_of_a_run_and_only_in_it(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("name", ["distributed", "root"])
+def test_dask_is_silent_to_the_end_of_a_run_and_only_in_it(
+    name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Its connections end after it has closed."""
-    core = logging.getLogger("distributed.core")
-    written = StringIO()
-    handler = logging.StreamHandler(written)
-    logging.getLogger("distributed").addHandler(handler)
+    core, close = logging.getLogger("distributed.core"), local_cluster._Scheduler.close
+    written, ended = StringIO(), Event()
+    handler, logger = logging.StreamHandler(written), logging.getLogger(name)
+    monkeypatch.setattr(logging.getLogger("distributed"), "propagate", name == "root")
+
+    async def close_and_log(scheduler: local_cluster._Scheduler, *arguments: Any, **options: Any) -> None:
+        await close(scheduler, *arguments, **options)
+        handler.setLevel(logging.NOTSET)
+        core.warning("a stream ended")
+        ended.set()
+
+    monkeypatch.setattr(local_cluster._Scheduler, "close", close_and_log)
+    logger.addHandler(handler)
     try:
         with open_cluster(jobs=1) as opened:
-            loop: Any = opened.client.loop
-            handler.setLevel(logging.NOTSET)  # as while a cluster closes
-            ended = Event()
-            loop.add_callback(lambda: (core.warning("a stream ended"), ended.set()))
-            assert ended.wait(10)
             opened.client.run(_log_later)
+        assert ended.is_set()
         core.warning("of the user's own")
     finally:
-        logging.getLogger("distributed").removeHandler(handler)
-    assert written.getvalue() == "of the user's own\n" and "a worker" not in "".join(capfd.readouterr())
+        logger.removeHandler(handler)
+    assert "a stream" not in written.getvalue() and written.getvalue().endswith("of the user's own\n")
+    assert "a worker" not in "".join(capfd.readouterr())
 
 
 @pytest.mark.parametrize("after_s", [0.2, 1.0])
