@@ -14,7 +14,7 @@ from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.person_state import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
-from trackers.fusion.posture import OFF_BODY, Posture
+from trackers.fusion.posture import OFF_BODY, Posture, leaning_m2
 from trackers.fusion.weights import Weights
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -26,6 +26,8 @@ _SHOWN_S, _HEAD_UP = 0.5, 0.84
 """A head that a picture showed no longer ago [s] is that of who stands from this share of the stature on."""
 _REST_S = 2.0
 """Time constant of the mean of places that a source measures of people who rest [s]."""
+_WALKS_M_S, _STANDS = 0.3, 0.9
+"""Speed of a walker [m/s], and probability of standing from which a head tells a stature that is not known."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
 
@@ -183,6 +185,7 @@ class People(ImmTracks):
         posture, head_rate = self.posture, np.full(len(self), 1 / options.stays_s)
         height_m, spread_m2 = posture.head_height(self.stature)
         flat_m2 = options.over_body_m**2 * posture.shown(OFF_BODY)
+        flat_m2 += leaning_m2(self.head[:, 2] + np.sqrt(self.stature_m2), self.stature)
         legs_m2, legs_rate = posture.legs_there()
         kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
         variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
@@ -241,9 +244,11 @@ class People(ImmTracks):
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
         """Return the people with their heads after pictures that did not show those due.
 
-        The stature of a standing person whose head must be elsewhere is not known any more: a chest was taken for a head.
+        The stature of a walker whose head must be elsewhere is not known any more: a chest was taken for a head. Who does not
+        walk may sit down.
         """
-        heads, elsewhere = heads.awaited(due & (self.posture.probability[:, 0] > 0.5), ns)
+        walks = (self.posture.probability[:, 0] > 0.5) & (np.hypot(*self.velocity.T) > _WALKS_M_S)
+        heads, elsewhere = heads.awaited(due & walks, ns)
         return self.changed(heads=heads, stature_m=np.where(elsewhere, np.nan, self.stature_m))
 
     def learn_stature(
@@ -255,7 +260,7 @@ class People(ImmTracks):
         slowly = 1 - _SINKS * stands
         learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)
         sure = variance_m2 < _SURE_M**2
-        first = np.where((stands > 0.5) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
+        first = np.where((stands > _STANDS) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))
 
     def identified_as(self, identity: Self) -> Self:

@@ -8,8 +8,8 @@ import numpy as np
 
 from trackers.filters.imm import Imm
 from trackers.fusion.look import Look
-from trackers.fusion.options import FusionOptions
-from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE, PersonMotion
+from trackers.fusion.options import FusionOptions, HeadEvidenceOptions
+from trackers.fusion.person_state import HEAD, HEAD_PLACE, LEGS, OUTLINE, PLACE, PersonMotion
 from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import DEPTH_SHOWN, FLOOR_SHOWN, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 from trackers.observations import NS_PER_S
@@ -144,3 +144,19 @@ def test_who_lies_down_from_a_seat_lies_behind_it_away_from_the_knees() -> None:
     down = lying.lain_down()
     np.testing.assert_allclose(down.seat, [[1.0, 0.7]])
     np.testing.assert_array_equal(down.lain_down().seat, down.seat)
+
+
+def test_a_head_that_sinks_goes_aside_and_leaves_the_pelvis_where_it_is() -> None:
+    """Who sits tips over: the pelvis goes less than half of the 0.6 m with the head, and most of it if that stays as high."""
+    imm, at = Imm(PersonMotion()), np.zeros((1, 2))
+    moved = {}
+    for sinks_m in (0.0, 0.4):
+        people = People.started(imm.start(at, None, 0.02**2), at, 0, 1, 1)
+        posture = people.posture.changed(probability=np.array([[0.01, 0.98, 0.01]]))
+        people = people.changed(stature_m=np.array([1.75]), posture=posture)
+        for share in np.r_[np.zeros(20), np.linspace(0, 1, 10)]:
+            people = people.in_state(imm.predict(people.state, 0.1)).with_parts_later(0.1, HeadEvidenceOptions())
+            head = np.array([[0.6 * share, 0.0, 1.3 - sinks_m * share]])
+            people = people.in_state(imm.update(people.state, np.array([0]), head, np.eye(3)[None] * 0.03**2, HEAD))
+        moved[sinks_m] = people.positions[0, 0]
+    assert moved[0.0] > 0.45 and moved[0.4] < 0.3
