@@ -43,7 +43,7 @@ class HeadEvidenceOptions(Strict):
         default=0.6, gt=0, description="time constant in which a head forgets where it was from the body [s]"
     )
     over_body_m: float = Field(
-        default=0.025,
+        default=0.018,
         gt=0,
         description="standard deviation of an upright person's head over the pelvis, on each axis [m]",
     )

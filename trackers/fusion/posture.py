@@ -25,8 +25,8 @@ DEPTH_SHOWN: Shares = (1.0, 0.95, 0.7)
 FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
 """A bed bears who lies on it."""
 
-OFF_BODY: Shares = (1.0, 16.0, 320.0)
-"""Variance of heads from over the pelvis, on each axis, in that of a standing person's (2.5 cm); measured in the twin."""
+OFF_BODY: Shares = (1.0, 31.0, 620.0)
+"""Variance of heads from over the pelvis, on each axis, in that of a standing person's (1.8 cm); measured in the twin."""
 
 REACH = 0.7
 """Trunk and legs of a person who sits, lies or gets up are this near to the place, as a share of the stature."""
