@@ -26,6 +26,8 @@ _SHOWN_S, _HEAD_UP = 0.5, 0.84
 """A head that a picture showed no longer ago [s] is that of who stands from this share of the stature on."""
 _REST_S = 2.0
 """Time constant of the mean of places that a source measures of people who rest [s]."""
+_STILL_M_S = 0.15
+"""Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
 _WALKS_M_S, _STANDS = 0.3, 0.9
 """Speed of a walker [m/s], and probability of standing from which a head tells a stature that is not known."""
 _SINKS, _SURE_M = 0.005, 0.06
@@ -180,12 +182,17 @@ class People(ImmTracks):
         """Variances of statures [m²]: 0 of those that are known."""
         return np.where(np.isnan(self.stature_m), _STATURE_M**2, 0.0)
 
+    @property
+    def leaning_m2(self) -> Float[Array, "n"]:
+        """Variances, on each axis, by which heads may be off the pelvis as trunks lean [m²]; 0: they are upright."""
+        return leaning_m2(self.head[:, 2] + np.sqrt(self.stature_m2), self.stature)
+
     def with_parts_later(self, elapsed_s: float, options: HeadEvidenceOptions) -> Self:
         """Return them with heads and legs where they drift to over their bodies in a time [s], by posture."""
         posture, head_rate = self.posture, np.full(len(self), 1 / options.stays_s)
         height_m, spread_m2 = posture.head_height(self.stature)
         flat_m2 = options.over_body_m**2 * posture.shown(OFF_BODY)
-        flat_m2 += leaning_m2(self.head[:, 2] + np.sqrt(self.stature_m2), self.stature)
+        flat_m2 += self.leaning_m2
         legs_m2, legs_rate = posture.legs_there()
         kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
         variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
@@ -240,6 +247,11 @@ class People(ImmTracks):
         rest_at[~self.posture.rests[:, None] & (ns - self.seen_ns > NS_PER_S)] = np.nan
         rest_at[row, number] = place - (1 - gain)[:, None] * off
         return np.hypot(*off.T), rest_at
+
+    def settled(self, place: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Posture:
+        """Return postures with seats learned at places [m] of who sits, and neither moves nor leans; see `Posture.settled`."""
+        still = np.exp(-0.5 * (np.hypot(*self.velocity.T) / _STILL_M_S) ** 2) * (self.leaning_m2 == 0)
+        return self.posture.settled(place, self.legs, since_s * still)
 
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:
         """Return the people with their heads after pictures that did not show those due.

@@ -50,8 +50,6 @@ _NEAR_TURN = 0.75
 """Share of the main sensor's period after which an observation of another one may stand in for it."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
-_STILL_M_S = 0.15
-"""Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
 _LEAN_M = 0.2
 """Standard deviation, on each axis, of what is seen of a sitting person above the legs [m]."""
 _HEAD_SHOWN_S = 1.0
@@ -277,10 +275,9 @@ class Fusion(SynchronizedTracker):
         for look, pairs in whole:
             if look.of_heads:  # a pelvis is about under a sitting head
                 seat = written(seat, pairs.row, people.head[pairs.row, :2])
-        still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
             place=written(people.place, each, people.positions[each]),
-            posture=people.posture.settled(seat, people.legs, np.bincount(row, since_s, len(people)) * still),
+            posture=people.settled(seat, np.bincount(row, since_s, len(people)).astype(np.float64)),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,

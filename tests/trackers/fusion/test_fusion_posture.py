@@ -116,7 +116,7 @@ def test_a_sensor_that_first_sees_who_sits_down_elsewhere_does_not_make_them_ris
         seen_ns[0, number] = ns
         return people.changed(rest_at=rest_at, seen_ns=seen_ns), float(off_m[0])
 
-    people, _ = measured(people, first, 4.0, 0)
+    people, off_m = measured(people, first, 4.0, 0)
     for ns in range(0, 11 * NS_PER_S, NS_PER_S // 10):
         if ns > 5 * NS_PER_S:  # sits
             people = people.changed(posture=people.posture.changed(probability=np.array([[0.0, 1.0, 0.0]])))
@@ -160,3 +160,14 @@ def test_a_head_that_sinks_goes_aside_and_leaves_the_pelvis_where_it_is() -> Non
             people = people.in_state(imm.update(people.state, np.array([0]), head, np.eye(3)[None] * 0.03**2, HEAD))
         moved[sinks_m] = people.positions[0, 0]
     assert moved[0.0] > 0.45 and moved[0.4] < 0.3
+
+
+def test_a_seat_is_that_of_who_sits_upright_whatever_their_head_draws_along_as_they_tip_over() -> None:
+    at = np.zeros((2, 2))
+    imm, head = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.3], [0.0, 0.0, 0.9]])
+    state = imm.update(imm.start(at, at, 0.02**2), np.arange(2), head, np.tile(1e-6 * np.eye(3), (2, 1, 1)), HEAD)
+    people = People.started(state, at, 0, 1, 1)
+    sits = people.posture.changed(probability=np.tile([0.01, 0.98, 0.01], (2, 1)), seat=at, feet=at)
+    people = people.changed(stature_m=np.full(2, 1.75), posture=sits)
+    learned = people.settled(np.tile([0.3, 0.0], (2, 1)), np.full(2, 1.0)).seat
+    assert learned[0, 0] > 0.05 and learned[1, 0] == 0.0
