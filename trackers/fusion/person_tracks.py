@@ -28,6 +28,8 @@ _REST_S = 2.0
 """Time constant of the mean of places that a source measures of people who rest [s]."""
 _STILL_M_S = 0.15
 """Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
+_LEANING = 0.25
+"""Share of the time in which seats of who leans are learned: the head of who tips over draws the trunk along; some sit low."""
 _WALKS_M_S, _STANDS = 0.3, 0.9
 """Speed of a walker [m/s], and probability of standing from which a head tells a stature that is not known."""
 _SINKS, _SURE_M = 0.005, 0.06
@@ -249,8 +251,9 @@ class People(ImmTracks):
         return np.hypot(*off.T), rest_at
 
     def settled(self, place: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Posture:
-        """Return postures with seats learned at places [m] of who sits, and neither moves nor leans; see `Posture.settled`."""
-        still = np.exp(-0.5 * (np.hypot(*self.velocity.T) / _STILL_M_S) ** 2) * (self.leaning_m2 == 0)
+        """Return postures with seats learned at places [m] of who sits still, slowly of who leans; see `Posture.settled`."""
+        still = np.exp(-0.5 * (np.hypot(*self.velocity.T) / _STILL_M_S) ** 2)
+        still *= np.where(self.leaning_m2 > 0, _LEANING, 1.0)
         return self.posture.settled(place, self.legs, since_s * still)
 
     def with_heads(self, heads: Heads, due: Bool[Mask, "n"], ns: int) -> Self:

@@ -36,7 +36,7 @@ _FALLS = 0.1
 """Share of the people who lie down, or rise from lying, that do not sit in between."""
 _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
-_TRUNK, _LEANS_BELOW = 0.42, 0.69
+_TRUNK, _LEANS_BELOW = 0.42, 0.71
 """Distance of the middle of a head from the pelvis, and its height below which a trunk leans, in the stature: a little less than
 that of who sits upright."""
 _REST_M_S = 0.25

@@ -162,7 +162,7 @@ def test_a_head_that_sinks_goes_aside_and_leaves_the_pelvis_where_it_is() -> Non
     assert moved[0.0] > 0.45 and moved[0.4] < 0.3
 
 
-def test_a_seat_is_that_of_who_sits_upright_whatever_their_head_draws_along_as_they_tip_over() -> None:
+def test_a_seat_is_learned_of_who_sits_upright_sooner_than_of_who_tips_over() -> None:
     at = np.zeros((2, 2))
     imm, head = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.3], [0.0, 0.0, 0.9]])
     state = imm.update(imm.start(at, at, 0.02**2), np.arange(2), head, np.tile(1e-6 * np.eye(3), (2, 1, 1)), HEAD)
@@ -170,4 +170,4 @@ def test_a_seat_is_that_of_who_sits_upright_whatever_their_head_draws_along_as_t
     sits = people.posture.changed(probability=np.tile([0.01, 0.98, 0.01], (2, 1)), seat=at, feet=at)
     people = people.changed(stature_m=np.full(2, 1.75), posture=sits)
     learned = people.settled(np.tile([0.3, 0.0], (2, 1)), np.full(2, 1.0)).seat
-    assert learned[0, 0] > 0.05 and learned[1, 0] == 0.0
+    assert learned[0, 0] > 0.05 and 0 < learned[1, 0] < learned[0, 0] / 3
