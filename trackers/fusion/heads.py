@@ -55,7 +55,7 @@ _LEAST_SHOWN = 0.4
 """Share of foreground in an ellipse times that of background over it, from which a head is seen."""
 _TURNS_RAD2_S = 2.0
 """Variance by which a direction spreads in a second [rad²/s]."""
-_AHEAD, _WALKS_M_S = 4.0, 0.4
+_AHEAD, WALKS_M_S = 4.0, 0.4
 """Concentration about the way, per second, of the direction that people face who walk faster than this [m/s]."""
 _TURNED_S, _MOST_TURNED_S = 0.2, 0.4
 """Walkers who face ahead for so long tell which side of a head is the face, and who face backwards that colours were learned the
@@ -100,7 +100,7 @@ class Heads(Rows):
         """
         spread = _turned(_TURNS_RAD2_S * dt)
         facing = np.maximum(np.fft.irfft(np.fft.rfft(self.facing, axis=1) * spread, ASPECTS[0], axis=1), 1e-12)
-        walks = np.hypot(*velocity.T) > _WALKS_M_S
+        walks = np.hypot(*velocity.T) > WALKS_M_S
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
         along = facing * np.exp(_AHEAD * dt * walks[:, None] * ahead)
         tells = walks & (self.direction[1] > _SURE)

@@ -10,11 +10,11 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
-from trackers.fusion.heads import Heads
+from trackers.fusion.heads import WALKS_M_S, Heads
 from trackers.fusion.look import Expected
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.person_state import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
-from trackers.fusion.posture import OFF_BODY, Posture, leaning_m2
+from trackers.fusion.posture import OFF_BODY, Posture
 from trackers.fusion.weights import Weights
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -30,8 +30,11 @@ _STILL_M_S = 0.15
 """Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
 _LEANING = 0.25
 """Share of the time in which seats of who leans are learned: the head of who tips over draws the trunk along; some sit low."""
-_WALKS_M_S, _STANDS = 0.3, 0.9
-"""Speed of a walker [m/s], and probability of standing from which a head tells a stature that is not known."""
+_TRUNK, _LEANS_BELOW = 0.42, 0.71
+"""Distance of the middle of a head from the pelvis, and its height below which a trunk leans, in the stature: a little less than
+that of who sits upright."""
+_STANDS = 0.9
+"""Probability of standing from which a head tells a stature that is not known."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
 
@@ -186,15 +189,19 @@ class People(ImmTracks):
 
     @property
     def leaning_m2(self) -> Float[Array, "n"]:
-        """Variances, on each axis, by which heads may be off the pelvis as trunks lean [m²]; 0: they are upright."""
-        return leaning_m2(self.head[:, 2] + np.sqrt(self.stature_m2), self.stature)
+        """Variances, on each axis, by which heads may be off the pelvis as trunks lean [m²]; 0: they are upright.
+
+        A head that sinks below that of who sits upright goes aside as well: it stays on the arc of its trunk.
+        """
+        trunk_m, head_m = _TRUNK * self.stature, self.head[:, 2] + np.sqrt(self.stature_m2)
+        up_m = trunk_m - np.clip(_LEANS_BELOW * self.stature - head_m, 0.0, trunk_m)
+        return (trunk_m**2 - up_m**2) / 2
 
     def with_parts_later(self, elapsed_s: float, options: HeadEvidenceOptions) -> Self:
         """Return them with heads and legs where they drift to over their bodies in a time [s], by posture."""
         posture, head_rate = self.posture, np.full(len(self), 1 / options.stays_s)
         height_m, spread_m2 = posture.head_height(self.stature)
-        flat_m2 = options.over_body_m**2 * posture.shown(OFF_BODY)
-        flat_m2 += self.leaning_m2
+        flat_m2 = options.over_body_m**2 * posture.shown(OFF_BODY) + self.leaning_m2
         legs_m2, legs_rate = posture.legs_there()
         kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
         variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
@@ -262,7 +269,7 @@ class People(ImmTracks):
         The stature of a walker whose head must be elsewhere is not known any more: a chest was taken for a head. Who does not
         walk may sit down.
         """
-        walks = (self.posture.probability[:, 0] > 0.5) & (np.hypot(*self.velocity.T) > _WALKS_M_S)
+        walks = (self.posture.probability[:, 0] > 0.5) & (np.hypot(*self.velocity.T) > WALKS_M_S)
         heads, elsewhere = heads.awaited(due & walks, ns)
         return self.changed(heads=heads, stature_m=np.where(elsewhere, np.nan, self.stature_m))
 

@@ -36,9 +36,6 @@ _FALLS = 0.1
 """Share of the people who lie down, or rise from lying, that do not sit in between."""
 _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
-_TRUNK, _LEANS_BELOW = 0.42, 0.71
-"""Distance of the middle of a head from the pelvis, and its height below which a trunk leans, in the stature: a little less than
-that of who sits upright."""
 _REST_M_S = 0.25
 """Standard deviation of the speed of people who rest [m/s]."""
 _REST_M, _UP_M = 0.5, 0.2
@@ -203,16 +200,6 @@ class Posture(Rows):
             now, self.seat - _LIES_BEHIND_M * ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None], self.seat
         )
         return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))
-
-
-def leaning_m2(head_m: Float[Array, "n"], stature_m: Float[Array, "n"]) -> Float[Array, "n"]:
-    """Return the variance, on each axis, by which heads at heights [m] may be off their pelvis as trunks lean [m²].
-
-    A head that sinks below that of who sits upright goes aside as well: it stays on the arc of its trunk.
-    """
-    trunk_m = _TRUNK * stature_m
-    up_m = trunk_m - np.clip(_LEANS_BELOW * stature_m - head_m, 0.0, trunk_m)
-    return (trunk_m**2 - up_m**2) / 2
 
 
 @lru_cache(maxsize=4)
