@@ -33,7 +33,8 @@ _LEAST_WAIT, _MOST_WAIT = 5, 15
 """Ticks until one is compared, by the slowest source: two measurements are interpolated over no longer."""
 _PERIODS, _SHARE_OF_PERIOD = 1.25, 0.1
 """Periods of a source over which its measurements are interpolated at least, and share of the last in the mean period."""
-_KEPT = int(_MOST_WAIT + _SHIFTS[-1] + 1)
+_KEPT = int(2 * _MOST_WAIT + _SHIFTS[-1] + 1)
+"""Ticks kept: the slowest sources may look at once, so that all that waits is compared after one more period."""
 _MEMORY_S = 3.0
 """Time constant of forgetting [s]."""
 _ALIKE_S = 0.5
@@ -129,28 +130,27 @@ class ShiftedDifferences:
         wait = np.clip(np.ceil(_PERIODS * self._period_s / TICK_S), _LEAST_WAIT, _MOST_WAIT).astype(np.int64)
         if whole - self._tick > _KEPT:
             tracks.at[...] = np.nan
-        for tick in range(max(self._tick + 1, whole - _KEPT), whole + 1):
-            for due in range(max(self._compared + 1, tick - _MOST_WAIT), tick - wait.max() + 1):
-                self._compare(due)
-                self._compared = due
-            tracks.at[:, tick % _KEPT] = np.nan
+        tracks.at[:, np.arange(max(self._tick + 1, whole - _KEPT), whole + 1) % _KEPT] = np.nan
         self._tick = whole
         known = people.confirmed
         upright = (people.existence > _EXISTS) & ~people.posture.rests  # each kind shows another part of who rests
         self._interpolate(people.seen_ns[known], people.seen_at[known], upright[known], wait)
+        for due in range(max(self._compared + 1, whole - 2 * _MOST_WAIT), whole - int(wait.max()) + 1):
+            self._compare(due)
+            self._compared = due
         return True
 
     def _interpolate(
         self, seen_ns: Int[Index, "n s"], seen: Float[Array, "n s 2"], compared: Bool[Mask, "n"], wait: Int[Index, "s"]
     ) -> None:
-        """Write places at ticks between the last measurements, as of the last tick, and those since then.
+        """Write places at the ticks between the measurements that were the last ones before and those since then.
 
         wait: the longest time between two of each source [ticks].
         """
         tracks, last, last_ns = self._tracks, self._tracks.last, self._tracks.last_ns
         since_ns = seen_ns - last_ns
         follows = (since_ns > 0) & (since_ns <= wait * _TICK_NS) & compared[:, None]
-        ticks = self._tick - np.arange(wait.max())
+        ticks = self._tick - np.arange(2 * wait.max())
         share = (self._start_ns + ticks * _TICK_NS - last_ns[..., None]) / np.maximum(since_ns, 1)[..., None]
         row, source, tick = np.nonzero(follows[..., None] & (share >= 0) & (share <= 1))
         moved = share[row, source, tick, None] * (seen - last)[row, source]

@@ -16,6 +16,7 @@ from trackers.filters.rows import marked, written
 from trackers.fusion.options import ColourIdentityOptions
 from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
+from trackers.tracking.roster import NEVER_NS
 from trackers.vision.histogram import chi_squared, chi_squared_distance
 
 _HIDDEN_S = 0.2
@@ -83,10 +84,13 @@ class IdentityMemory:
         of_hidden += np.where(new[fresh], 0.5 * self._options.gate**2, 0.0)
         of_hidden += np.nan_to_num(before.weights.log_ratio(after.weights))
         before = before.joined(left)
-        # who was shown in others' clothes lately was not measured: another one was
-        shown, learned_ns = before.clothes.looked_ns > before.clothes.learned_ns, before.clothes.learned_ns
-        measured_ns = np.where(shown, learned_ns, before.roster.measured_ns)[:, None]
-        last_ns = np.where(new[fresh], learned_ns[:, None], measured_ns)
+        # who looked or weighed like others lately was not measured: another one was
+        clothes, weights = before.clothes, before.weights
+        known_ns = np.maximum(clothes.learned_ns, weights.learned_ns)
+        as_others = np.maximum(clothes.looked_ns, weights.felt_ns) > known_ns
+        measured_ns = np.where(as_others, known_ns, before.roster.measured_ns)
+        known_ns = np.where(known_ns == NEVER_NS, measured_ns, known_ns)
+        last_ns = np.where(new[fresh], known_ns[:, None], measured_ns[:, None])
         apart = last_ns <= after.roster.born_ns + _STAYS_S * NS_PER_S
         of_left = np.where(new[fresh], self._as_left(left, after, ns), _as_lost(left, after, ns))
         old, now = max_weight_assignment(np.where(apart, np.concatenate([of_hidden, of_left]), 0.0))
@@ -156,11 +160,12 @@ class IdentityMemory:
         first = body[[k]]
         if i < n:
             both = np.array([first[0], i])
-            return people.replaced(both, people.select(both).identified_as(people.select(both[::-1])))
+            others = people.select(both[::-1])
+            return people.replaced(both, people.select(both).identified_as(others, exchanged=True))
         departed = np.array([i - n])
         identity, track = left.select(departed), people.select(first)
         self._left = left.replaced(departed, track.changed(existence=np.zeros(1)))
-        return people.replaced(first, track.identified_as(identity))
+        return people.replaced(first, track.identified_as(identity, exchanged=True))
 
     def _as_left(self, left: People, people: People, ns: int) -> Float[Array, "l n"]:
         """Return the log-likelihood ratio of new tracks as people who have left, against others; −∞ where nothing tells.

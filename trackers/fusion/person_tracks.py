@@ -9,7 +9,7 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.imm import ImmState
-from trackers.filters.rows import Rows, written
+from trackers.filters.rows import Rows, marked, written
 from trackers.fusion.heads import WALKS_M_S, Heads
 from trackers.fusion.look import Expected
 from trackers.fusion.options import HeadEvidenceOptions
@@ -35,8 +35,8 @@ _TRUNK, _LEANS_BELOW = 0.42, 0.71
 that of who sits upright."""
 _STANDS = 0.9
 """Probability of standing from which a head tells a stature that is not known."""
-_SINKS, _SURE_M = 0.005, 0.06
-"""Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
+_SINKS_S, _SURE_M = 20.0, 0.06
+"""Time constant in which a stature sinks to a lower head [s], and standard deviation of a height from which on one is known [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +96,13 @@ class Clothes(Rows):
         away = chi_squared_distance(self.reference, tracks.lately)
         return np.where(self.known[:, None] & tracks.known, away, np.nan)
 
-    def of(self, identity: Self) -> Self:
-        """Return the clothes of identities, where they are known, on tracks that have shown these lately."""
-        known = identity.known
+    def of(self, identity: Self, taken: Bool[Mask, "n"]) -> Self:
+        """Return the clothes of identities on tracks that have shown these lately; others than those taken keep their own."""
         return self.changed(
-            reference=np.where(known[:, None], identity.reference, self.reference),
-            n_look=np.where(known, identity.n_look, self.n_look),
-            learned_ns=np.where(known, identity.learned_ns, self.learned_ns),
-            learned_at=np.where(known[:, None], identity.learned_at, self.learned_at),
+            reference=np.where(taken[:, None], identity.reference, self.reference),
+            n_look=np.where(taken, identity.n_look, self.n_look),
+            learned_ns=np.where(taken, identity.learned_ns, self.learned_ns),
+            learned_at=np.where(taken[:, None], identity.learned_at, self.learned_at),
         )
 
 
@@ -233,7 +232,10 @@ class People(ImmTracks):
         seen = ns - self.heads.seen_ns <= _SHOWN_S * NS_PER_S
         least_m = _HEAD_UP * np.where(np.isnan(self.stature_m), _LEAST_STATURE_M, self.stature_m)
         is_up = seen & (self.head[:, 2] >= least_m)
-        return posture.by_place(row, off_m, of_legs, is_up[row], np.hypot(*self.velocity[row].T), share)
+        by_row = np.lexsort((-share, row))
+        once = marked(row.size, by_row[np.unique(row[by_row], return_index=True)[1]])  # all sensors have one speed together
+        speed_m_s = np.where(once, np.hypot(*self.velocity[row].T), 0.0)
+        return posture.by_place(row, off_m, of_legs, is_up[row], speed_m_s, share)
 
     def off_rest(
         self,
@@ -274,21 +276,38 @@ class People(ImmTracks):
         return self.changed(heads=heads, stature_m=np.where(elsewhere, np.nan, self.stature_m))
 
     def learn_stature(
-        self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float
+        self,
+        row: Int[Index, "k"],
+        height_m: Float[Array, "k"],
+        variance_m2: Float[Array, "k"],
+        since_s: Float[Array, "k"],
+        grows_s: float,
     ) -> Self:
-        """Learn the statures of people at `row` by heights of their heads, while they stand: sooner higher ones than lower."""
+        """Learn the statures of people at `row` by heights of their heads, while they stand: sooner higher ones than lower.
+
+        since_s: since their heads were seen before [s]; no look counts more than half.
+        """
         crown, old = height_m + CROWN_M, self.stature_m[row]
         stands = self.posture.probability[row, 0]
-        slowly = 1 - _SINKS * stands
-        learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)
+        rate = np.where(crown > old, 1 / grows_s, stands / _SINKS_S)
+        learned = old + np.minimum(1 - np.exp(-rate * since_s), 0.5) * (crown - old)
         sure = variance_m2 < _SURE_M**2
         first = np.where((stands > _STANDS) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))
 
-    def identified_as(self, identity: Self) -> Self:
-        """Return the tracks as those of other identities: numbers and attributes; what they show lately stays theirs."""
+    def identified_as(self, identity: Self, *, exchanged: bool = False) -> Self:
+        """Return the tracks as those of other identities: numbers and attributes; what they show lately stays theirs.
+
+        exchanged: they have shown other people than these so far. Else what they have learned themselves is of these people too,
+        and stays where nothing is known of the identities.
+        """
         roster = self.roster.changed(
             id=identity.roster.id, confirmed=identity.confirmed, born_ns=identity.roster.born_ns
         )
-        clothes, weights = self.clothes.of(identity.clothes), self.weights.of(identity.weights)
-        return self.changed(roster=roster, clothes=clothes, weights=weights, stature_m=identity.stature_m)
+        unknown = np.isnan(identity.stature_m) & (not exchanged)
+        return self.changed(
+            roster=roster,
+            clothes=self.clothes.of(identity.clothes, identity.clothes.known | exchanged),
+            weights=self.weights.of(identity.weights, identity.weights.known | exchanged),
+            stature_m=np.where(unknown, self.stature_m, identity.stature_m),
+        )

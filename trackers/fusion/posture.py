@@ -152,7 +152,7 @@ class Posture(Rows):
         variance = _LEGS_M**2 + _STRIDE_M**2 + variance_m2[:, None]
         log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(2 * np.pi * variance)
         log = np.logaddexp(np.log1p(-_STRAY) + log, np.log(_STRAY / _STRAY_M2))
-        return self.weighed(row, (since_s / _LEGS_ALIKE_S)[:, None] * log)
+        return self.weighed(row, np.minimum(since_s / _LEGS_ALIKE_S, 1.0)[:, None] * log)
 
     def legs_there(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Return the long-run variance of the offsets of legs on each axis [m²], and the rate at which they change [1/s].

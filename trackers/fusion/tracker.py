@@ -331,7 +331,7 @@ class Fusion(SynchronizedTracker):
             unsure_m2 = variance_m2 + people.stature_m2[row]
             posture = people.posture.by_head(row, height_m, unsure_m2, people.stature[row], since_s[row])
             people = people.changed(posture=posture)
-            people = people.learn_stature(row, height_m, variance_m2, self.options.identity.memory)
+            people = people.learn_stature(row, height_m, variance_m2, since_s[row], self.options.identity.grows_s)
         asked = (people.roster.measured_ns == ns) & ~people.posture.lies
         seen = [each.colours(people.crowns, people.stature, asked) for each in cameras]
         clear = np.array([each for _, each in seen])

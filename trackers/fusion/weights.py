@@ -21,7 +21,7 @@ from trackers.tracking.roster import NEVER_NS
 GAIT, _STAYS = 0.12, 0.04
 """Standard deviations of the logarithm of a walker's load about the weight, and of what stays of it."""
 _ALIKE_S = 0.3
-"""Time in which all loads together tell what one tells [s]."""
+"""Time in which all loads together tell what one tells [s]: as much as each counts for that comes later than that."""
 _USUAL_N, _PEOPLE = 600.0, 0.5
 """Median of the weights of people, children too [N], and standard deviation of their logarithm."""
 _SEATED, _LEAST_BORNE = 0.2, 0.08
@@ -29,7 +29,8 @@ _SEATED, _LEAST_BORNE = 0.2, 0.08
 _EDGE = 0.02
 """Probability that a standing person is only in part on the floor."""
 _WRONG_S = 2.0
-"""A weight was wrong after heavier loads for so long, or after other ones of who walks [s]: the track has not changed people."""
+"""A weight was wrong after as many loads as tell so long [s], heavier ones, or others of who walks: the track has not changed
+people."""
 _STEADY = 0.3
 """A load farther from the last ones in its logarithm is on its way: of who gets up, or steps onto the floor."""
 _FELT_S = 2.0
@@ -46,11 +47,11 @@ class Weights(Rows):
     """Time constant of what a track has shown lately [s]."""
 
     reference: Float[Array, "n"]
-    learned_s: Float[Array, "n"]  # for how long it was learned [s]
+    learned_s: Float[Array, "n"]  # for how long it was learned, as loads count [s]
     learned_ns: Int[Index, "n"]  # stamp at which it was learned last
     learned_at: Float[Array, "n 2"]  # and where the person was then [m]
     lately: Float[Array, "n"]
-    lately_s: Float[Array, "n"]  # for how long loads have been about that [s]
+    lately_s: Float[Array, "n"]  # for how long loads have been about that, as they count [s]
     felt_ns: Int[Index, "n"]  # stamp of the last load
 
     @classmethod
@@ -125,14 +126,13 @@ class Weights(Rows):
         log = np.log(np.stack([stands, seated, seated], axis=1) + 1e-2)
         return np.where(self.known[row, None], log, 0.0)
 
-    def of(self, identity: Self) -> Self:
-        """Return the weights of identities, where they are known, on tracks that have borne these lately."""
-        known = identity.known
+    def of(self, identity: Self, taken: Bool[Mask, "n"]) -> Self:
+        """Return the weights of identities on tracks that have borne these lately; others than those taken keep their own."""
         return self.changed(
-            reference=np.where(known, identity.reference, self.reference),
-            learned_s=np.where(known, identity.learned_s, self.learned_s),
-            learned_ns=np.where(known, identity.learned_ns, self.learned_ns),
-            learned_at=np.where(known[:, None], identity.learned_at, self.learned_at),
+            reference=np.where(taken, identity.reference, self.reference),
+            learned_s=np.where(taken, identity.learned_s, self.learned_s),
+            learned_ns=np.where(taken, identity.learned_ns, self.learned_ns),
+            learned_at=np.where(taken[:, None], identity.learned_at, self.learned_at),
         )
 
 

@@ -23,11 +23,11 @@ def _is_of_others(record: logging.LogRecord) -> bool:
 def _silence_thread() -> None:
     """Write no records of Dask that this thread logs, up to its end."""
     _of_thread.is_ours = True
-    logger: logging.Logger | None = logging.getLogger("distributed")
-    while logger is not None:
-        for handler in logger.handlers:
-            handler.addFilter(_is_of_others)
-        logger = logger.parent if logger.propagate else None
+    logging.getLogger("distributed")
+    for name, logger in [(None, logging.getLogger()), *logging.root.manager.loggerDict.items()]:
+        if isinstance(logger, logging.Logger) and (name is None or name.split(".")[0] == "distributed"):
+            for handler in logger.handlers:
+                handler.addFilter(_is_of_others)
 
 
 class _Private:

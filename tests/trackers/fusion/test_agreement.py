@@ -38,11 +38,12 @@ def observed(
     sigma_m: np.ndarray = SIGMA_M,
     phase_s: np.ndarray = PHASE_S,
     every: Sequence[int] = (1,) * len(PHASE_S),
+    rate_hz: float = RATE_HZ,
 ) -> tuple[list[tuple[float, int, str]], Agreement]:
     """Feed what sources show of people, truth(t) and errors (t, s, n, 2) [m]; return findings (time, source, sentence).
 
     delays_s: of each source, the time by which it shows people late; phase_s: of its looks; every: their periods, in those
-    of `RATE_HZ`. The agreement comes along.
+    of the rate. The agreement comes along.
     """
     agreement = Agreement([[f"sensor_{k}"] for k in range(len(delays_s))])
     n = errors.shape[2]
@@ -54,13 +55,13 @@ def observed(
         for source in np.argsort(phase_s[: len(delays_s)]).tolist():
             if k % every[source]:
                 continue
-            t_s = 100.0 + k / RATE_HZ + float(phase_s[source])
+            t_s = 100.0 + k / rate_hz + float(phase_s[source])
             ns = round(t_s * NS_PER_S)
             agreement.age(people, ns)
             agreement.take(source, np.full(n, sigma_m[source]), asked, asked > 0)
             known = set(agreement.findings)
             agreement.found()
-            findings += [(k / RATE_HZ, each, agreement.findings[each]) for each in set(agreement.findings) - known]
+            findings += [(k / rate_hz, each, agreement.findings[each]) for each in set(agreement.findings) - known]
             seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
             seen_ns[:, source], seen_at[:, source] = ns, truth(t_s - delays_s[source]) + errors[k, source]
             people = people.changed(seen_ns=seen_ns, seen_at=seen_at)
@@ -140,6 +141,31 @@ def test_a_source_of_one_or_two_looks_a_second_is_judged_too(
     assert {source for _, source, _ in findings} == ({1} if delay_s or off_m else set())
     assert agreement.suspect.tolist() == [False, bool(delay_s or off_m), False]
     assert abs(agreement.delays_s[1] - delay_s) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("delay_s", "off_m"), [(0.4, 0.0), (-0.4, 0.0), (0.0, 0.6), (0.0, 0.0)])
+@pytest.mark.parametrize("phases", [(0.0, 0.0, 0.0), (0.0, 0.1, 0.2), (0.0, 0.33, 0.65)])
+@pytest.mark.parametrize("rate_hz", [1.0, 1.7, 2.5, 3.3, 8.0])
+def test_sources_are_judged_at_any_rate_of_all_and_in_any_turn(
+    seed: int, delay_s: float, off_m: float, phases: tuple[float, ...], rate_hz: float
+) -> None:
+    """phases: of the looks of each source, in periods."""
+    rng = np.random.default_rng(seed)
+    walks = bending(rng, 3)
+    errors = rng.normal(scale=0.06, size=(round(12 * rate_hz), 3, 3, 2)) + rng.normal(scale=0.05, size=(1, 3, 3, 2))
+    errors[:, 1] += [off_m, 0.0]
+    findings, agreement = observed(
+        lambda t: on_bends(walks, t),
+        [0.0, delay_s, 0.0],
+        errors,
+        np.full(3, 0.05),
+        phase_s=np.array(phases) / rate_hz,
+        rate_hz=rate_hz,
+    )
+    assert {source for _, source, _ in findings} == ({1} if delay_s or off_m else set())
+    assert agreement.suspect.tolist() == [False, bool(delay_s or off_m), False]
+    assert all(t_s < 10.0 for t_s, _, _ in findings)
 
 
 @settings(max_examples=30, deadline=None)

@@ -144,6 +144,20 @@ def test_a_track_that_has_gone_over_to_somebody_who_had_left_takes_that_number()
     assert after.roster.id.tolist() == [1]
 
 
+def test_a_person_of_unknown_weight_or_stature_does_not_keep_those_of_another() -> None:
+    """Two exchange their tracks by their clothes: the floor had felt one alone."""
+    identities = IdentityMemory(ColourIdentityOptions())
+    people, ns = looked(identities, people_at((0.0, 0.0), (1.0, 0.0), ids=(1, 2)), [0, 1], 20, 0)
+    weights, row, place = people.weights, np.array([0]), np.zeros((1, 2))
+    for felt_ns in range(0, ns, LOOK_NS):
+        weights = weights.felt(row, np.array([900.0]), place, np.zeros(1, np.bool_), felt_ns, 8.0)
+    people = people.changed(weights=weights, stature_m=np.array([1.9, np.nan]))
+    people, _ = looked(identities, people, [1, 0], 10, ns)
+    assert people.roster.id.tolist() == [2, 1]
+    assert people.weights.newtons[1] == pytest.approx(900.0) and people.stature_m[1] == 1.9
+    assert np.isnan(people.weights.newtons[0]) and np.isnan(people.stature_m[0])
+
+
 @pytest.mark.parametrize(("learns_s", "is_kept"), [(8.0, True), (0.1, False)])
 def test_clothes_that_nobody_else_wears_are_learned_as_the_light_changes(learns_s: float, is_kept: bool) -> None:
     """After a second in another colour a slow reference is still rather the old one, a fast one is not."""
@@ -187,3 +201,19 @@ def test_two_who_were_measured_side_by_side_are_two(side_by_side: bool) -> None:
     people = people.changed(clothes=clothes, roster=born.changed(measured_ns=np.array([last_ns, now])))
     after, _ = identities.recognized(people, np.zeros(2, np.bool_), now)
     assert after.roster.id.tolist() == ([1, 2] if side_by_side else [1])
+
+
+@pytest.mark.parametrize("by", ["place", "weight"])
+@pytest.mark.parametrize("side_by_side", [True, False])
+def test_two_whom_no_camera_sees_are_two_if_they_were_measured_side_by_side(side_by_side: bool, by: str) -> None:
+    """The second is about to be confirmed, as heavy as the first, three seconds after it began."""
+    identities, now = IdentityMemory(ColourIdentityOptions()), 5 * NS_PER_S
+    last_ns = round(4.7 * NS_PER_S) if side_by_side else NS_PER_S
+    people = people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 0))
+    roster = people.roster.changed(born_ns=np.array([0, 2 * NS_PER_S]), measured_ns=np.array([last_ns, now]))
+    people, weights, no = people.changed(roster=roster), people.weights, np.zeros(1, np.bool_)
+    for row, from_ns, to_ns in ((0, 0, last_ns), (1, 2 * NS_PER_S, now)):
+        for ns in range(from_ns, to_ns + 1, LOOK_NS) if by == "weight" else ():
+            weights = weights.felt(np.array([row]), np.array([800.0]), people.positions[[row]], no, ns, 8.0)
+    after, _ = identities.recognized(people.changed(weights=weights), np.array([False, True]), now)
+    assert after.roster.id.tolist() == ([1, 0] if side_by_side else [1])

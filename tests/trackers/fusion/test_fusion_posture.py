@@ -171,3 +171,34 @@ def test_a_seat_is_learned_of_who_sits_upright_sooner_than_of_who_tips_over() ->
     people = people.changed(stature_m=np.full(2, 1.75), posture=sits)
     learned = people.settled(np.tile([0.3, 0.0], (2, 1)), np.full(2, 1.0)).seat
     assert learned[0, 0] > 0.05 and 0 < learned[1, 0] < learned[0, 0] / 3
+
+
+def test_a_look_at_legs_after_a_gap_tells_no_more_than_one() -> None:
+    off = np.array([[0.5, 0.0]])
+    once, late = (Posture.upright(1).by_legs(ROW, off, 0.1**2 * ONE, since_s * ONE) for since_s in (0.3, 1.0))
+    np.testing.assert_array_equal(once.probability, late.probability)
+
+
+def test_one_speed_tells_once_that_a_person_walks_whatever_number_of_sensors_measures_it() -> None:
+    state = Imm(PersonMotion()).start(np.zeros((1, 2)), np.array([[0.6, 0.0]]))
+    people = People.started(state, np.zeros((1, 2)), 0, 1, 5)
+    posture = people.posture.changed(probability=np.array([[0.1, 0.88, 0.02]]))
+    by = [
+        people.risen(posture, np.zeros(n, np.intp), np.zeros(n), np.zeros(n, np.bool_), np.linspace(0.5, 0.2, n), 0)
+        for n in (1, 5)
+    ]
+    assert by[0].probability[0, 0] > 0.15
+    np.testing.assert_allclose(by[0].probability, by[1].probability)
+
+
+def test_statures_grow_and_sink_by_time_and_not_by_looks() -> None:
+    for height_m in (1.5, 1.8):
+        learned = []
+        for rate_hz in (5, 12, 30):
+            people = People.started(Imm(PersonMotion()).start(np.zeros((1, 2))), np.zeros((1, 2)), 0, 1, 1)
+            people = people.changed(stature_m=np.array([1.75]))
+            for _ in range(2 * rate_hz):
+                people = people.learn_stature(ROW, height_m * ONE, 0.02**2 * ONE, ONE / rate_hz, 0.45)
+            learned.append(people.stature_m[0])
+        np.testing.assert_allclose(learned, learned[0], atol=1e-6)
+        assert abs(learned[0] - 1.75) > 0.01

@@ -343,7 +343,7 @@ def _log_later() -> None:
     logger.warning("from a worker")
 
 
-@pytest.mark.parametrize("name", ["distributed", "root"])
+@pytest.mark.parametrize("name", ["distributed", "distributed.core", "root"])
 def test_dask_is_silent_to_the_end_of_a_run_and_only_in_it(
     name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
