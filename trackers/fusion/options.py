@@ -52,7 +52,9 @@ class HeadEvidenceOptions(Strict):
 class ColourIdentityOptions(Strict):
     """Options of identities: what is remembered of people, and who comes out of hiding."""
 
-    grows_s: float = Field(default=0.45, gt=0, description="time constant in which a stature grows to a higher head [s]")
+    grows_s: float = Field(
+        default=0.45, gt=0, description="time constant in which a stature grows to a higher head [s]"
+    )
     learns_s: float = Field(default=8.0, gt=0, description="time constant in which clothes and weights are learned [s]")
     recall_s: float = Field(
         default=300.0,

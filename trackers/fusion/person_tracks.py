@@ -36,7 +36,7 @@ that of who sits upright."""
 _STANDS = 0.9
 """Probability of standing from which a head tells a stature that is not known."""
 _SINKS_S, _SURE_M = 20.0, 0.06
-"""Time constant in which a stature sinks to a lower head [s], and standard deviation of a height from which on one is known [m]."""
+"""Time constant in which a stature sinks to a lower head [s], and standard deviation of a height by which one is known [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,9 @@ class People(ImmTracks):
         least_m = _HEAD_UP * np.where(np.isnan(self.stature_m), _LEAST_STATURE_M, self.stature_m)
         is_up = seen & (self.head[:, 2] >= least_m)
         by_row = np.lexsort((-share, row))
-        once = marked(row.size, by_row[np.unique(row[by_row], return_index=True)[1]])  # all sensors have one speed together
+        once = marked(
+            row.size, by_row[np.unique(row[by_row], return_index=True)[1]]
+        )  # all sensors have one speed together
         speed_m_s = np.where(once, np.hypot(*self.velocity[row].T), 0.0)
         return posture.by_place(row, off_m, of_legs, is_up[row], speed_m_s, share)
 
