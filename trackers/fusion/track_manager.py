@@ -44,6 +44,8 @@ _SEAT_M = 0.2
 """Standard deviation of a sitting person's pelvis from the seat, in each step [m]; half as much of a lying one's."""
 _STAYS = 20.0
 """A person who sits or lies stays so many times as long as another."""
+_LIES_ALIKE_S = 20.0
+"""All looks in this time that do not show who lies tell of existence what one tells [s]: furniture hides them all the while."""
 
 
 class FusionTrackManager(TrackManager):
@@ -203,8 +205,9 @@ class FusionTrackManager(TrackManager):
             chance = not_shown(position.T)
         alone = clear_of(people.place[row], others, APART_M) & self.inside(position)
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
-        whole = (people.posture.probability[row] * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
+        by_posture[:, 2] **= look.kind.lasts_s / _LIES_ALIKE_S
+        whole = (people.posture.probability[row] * by_posture).sum(axis=1)
         # a person who may have left undetected may be anywhere where nothing would show them
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
         existence = existence_after_miss(
@@ -264,7 +267,11 @@ class FusionTrackManager(TrackManager):
         return np.logical_and.reduce(clear[0] & clear[1], axis=1)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
-        """Confirm tracks that were measured long and often enough, and that exist; and let them go on as who they are."""
+        """Confirm tracks that were measured long and often enough, and that exist; and let them go on as who they are.
+
+        Tentative ones that may be parts of who has sat down since then, or was known to sit only then, end.
+        """
+        people = people.select(people.confirmed | self.clear_of_seats(people, people.positions, people.covariance))
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
         people, new = self.identities.recognized(people, new, ns)
         return people.changed(roster=self.confirm(people.roster, new))

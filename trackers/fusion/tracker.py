@@ -300,11 +300,14 @@ class Fusion(SynchronizedTracker):
         since_s: Float[Array, "p"],
         ns: int,
     ) -> Posture:
-        """Weigh postures by how far legs are from trunks measured lately, or from places on a rig that sees no trunks."""
-        if self._sees_waists:
-            tells, trunk = self._by_trunk(people, ns)[row], people.seen_at[row, 0]
-        else:
-            tells, trunk = np.ones(row.size, np.bool_), people.positions[row]
+        """Weigh postures by how far legs are from trunks measured lately, without scanners of these from places of who was shown.
+
+        Places that legs alone have shown lately tell nothing of how far legs are from them.
+        """
+        by = np.arange(people.seen_ns.shape[1]) == 0 if self._sees_waists else ~self._of_legs
+        tells = ns - people.seen_ns[row][:, by].max(axis=1, initial=NEVER_NS) <= _TOGETHER_S * NS_PER_S
+        trunk = people.seen_at[row, 0] if self._sees_waists else people.positions[row]
+        if not self._sees_waists:
             variance_m2 = variance_m2 + people.covariance[row].trace(axis1=1, axis2=2) / 2
         return posture.by_legs(row[tells], (place - trunk)[tells], variance_m2[tells], since_s[tells])
 

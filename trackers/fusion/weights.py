@@ -24,8 +24,8 @@ _ALIKE_S = 0.3
 """Time in which all loads together tell what one tells [s]: as much as each counts for that comes later than that."""
 _USUAL_N, _PEOPLE = 600.0, 0.5
 """Median of the weights of people, children too [N], and standard deviation of their logarithm."""
-_SEATED, _LEAST_BORNE = 0.2, 0.08
-"""Probability that a seat bears a part of a person q, and share of the weight that the feet bear at least."""
+_SEATED, _LEAST_BORNE = 0.2, 0.05
+"""Probability that a seat bears a part of a person q, and share of the weight that the feet bear at least, on beds."""
 _EDGE = 0.02
 """Probability that a standing person is only in part on the floor."""
 _WRONG_S = 2.0

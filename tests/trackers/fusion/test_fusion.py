@@ -23,7 +23,7 @@ from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, LEGS, PersonMotion
 from trackers.fusion.person_tracks import People
-from trackers.fusion.posture import SILHOUETTE_SHOWN
+from trackers.fusion.posture import SILHOUETTE_SHOWN, Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
@@ -140,6 +140,22 @@ def test_a_suspect_source_is_compared_by_what_it_states_itself(monkeypatch: pyte
     monkeypatch.setattr("trackers.fusion.tracker.Agreement", Suspecting)
     frames_of(*subset("laser", "waist+knee"))
     assert max(sigmas_m[True]) < 1.5 * max(sigmas_m[False])
+
+
+@pytest.mark.parametrize(("sensors", "tell"), [("knee", False), ("knee+camera", True), ("waist+knee", True)])
+def test_legs_tell_of_who_sits_where_something_else_shows_the_person(
+    sensors: str, tell: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A place that legs alone have shown is where the legs are, whether the person sits or stands."""
+    told, by_legs = [], Posture.by_legs
+
+    def counted(posture: Posture, row: Any, *arguments: Any) -> Posture:
+        told.extend(row)
+        return by_legs(posture, row, *arguments)
+
+    monkeypatch.setattr(Posture, "by_legs", counted)
+    frames_of(*subset("laser", sensors))
+    assert bool(told) == tell
 
 
 def test_a_suspect_floor_tells_no_weights() -> None:

@@ -149,12 +149,39 @@ def test_nobody_is_outside_the_area() -> None:
     assert after.existence[0] > 0.98 and after.existence[1] < 0.2
 
 
+def test_what_may_be_the_legs_of_who_rests_is_not_confirmed_as_another_person() -> None:
+    """The track began before the person was known to sit; beside a walker it is another person."""
+    manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
+    for stands, n in ((0.1, 2), (0.9, 3)):
+        people = people_at((0.0, 0.0), (0.6, 0.0), (3.0, 0.0))
+        roster = people.roster.changed(
+            confirmed=np.array([True, False, False]), n_measured=np.full(3, 9), measured_ns=np.full(3, NS_PER_S)
+        )
+        posture = people.posture.changed(probability=np.tile([stands, 1 - stands, 0.0], (3, 1)))
+        after = manager.confirmed(people.changed(roster=roster, posture=posture), NS_PER_S, 0.1)
+        assert len(after) == n and after.roster.confirmed.all()
+
+
 def scan_of(scanner: str, missed: float) -> Look:
     """Return a look of one scanner that shows nobody; missed: how probably it would not show a person, wherever."""
     return Look(
         (scanner,), FusionOptions().legs, np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0, np.intp), np.empty(0, np.intp),
         lambda points: np.full(points.shape[1:], missed), LEGS_SHOWN, is_sharp=True,
     )  # fmt: skip
+
+
+def test_who_lies_is_there_while_furniture_hides_them_from_legs_and_floors() -> None:
+    """Minutes long, whatever the rate; of who stands there a scanner would show the legs."""
+    manager, known = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion())), {}
+    for rate_hz in (5, 25):
+        people = people_at((0.0, 0.0), (5.0, 0.0))
+        people = people.changed(posture=people.posture.changed(probability=np.array([[0, 0.01, 0.99], [1.0, 0, 0]])))
+        for k in range(120 * rate_hz):
+            seen_ns = round(k * NS_PER_S / rate_hz) + 1
+            people = manager.updated_missed(people, scan_of("knee", 0.1), min(1.0, 10 / rate_hz), 1 / rate_hz, seen_ns)
+        known[rate_hz] = people.existence
+        assert people.existence[0] > 0.5 and people.existence[1] < 0.2
+    np.testing.assert_allclose(known[5][0], known[25][0], atol=0.15)
 
 
 @pytest.mark.parametrize(
